@@ -68,6 +68,19 @@ def test_a_valley_that_bends_is_seen():
     assert found.local or found.value < -200
 
 
+@pytest.mark.parametrize("width", [1e-1, 1e-3, 1e-5])
+def test_a_narrow_channel_for_light_is_seen_from_a_curve_and_from_a_graph(width):
+    """Along the axis of the channel the optical path is a tenth of the length, and 1.3 there and 1.3 back."""
+
+    def index(y):
+        return 1 - 0.9 * ca.exp(-(((y - 1.3) / width) ** 2))
+
+    graph = vc.Problem(lambda x, y, v: index(y) * ca.sqrt(1 + v**2), vc.Fixed(0, 0), vc.Fixed(10, 0))
+    curve = vc.Curve(lambda q, dq: index(q[1]) * ca.norm_2(dq), vc.At([0, 0]), vc.At([10, 0]))
+    for found in map(vc.solve, (graph, curve)):
+        assert found.local or found.value == pytest.approx(3.6, abs=2 * width)
+
+
 def test_smooth_hills_show_none():
     found = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + ca.exp(-(y**2)), vc.Fixed(0, 0), vc.Fixed(1, 1)))
     assert not found.local

@@ -45,7 +45,7 @@ SHELLS = {1: 2.0 ** np.arange(-6, 6.25, 0.5), 2: 2.0 ** np.arange(-3, 6), 3: 4.0
 LOWER_VALLEY = 1e-2
 """How much lower, relative to what is summed, a shifted curve has to be, and how nearly the lowest one is told."""
 Boxes = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Shifts (n, m) and (n, m) between which there may be something, and the number (m,) of the line each box lies on."""
+"""Shifts (k, m) and (k, m) between which there may be something, and the number (m,) of the line each box lies on."""
 
 
 class NarrowValleys:
@@ -53,23 +53,22 @@ class NarrowValleys:
 
     def __init__(self, departures: Departures, boxes: Boxes) -> None:
         """Of the lines that are asked first the ``boxes`` are known."""
-        self._departures, n = departures, departures.problem.n
-        self._first = boxes
-        self.landscape = AlongAxes(departures, np.eye(n))
+        self._departures, self._axes, self._first = departures, departures.axes, boxes
+        self.landscape = AlongAxes(departures, self._axes)
         self._length = departures.span[1] - departures.span[0]
         self._lines = _lines(departures)
         self._curve, self._slopes = (departures.curve(self._lines, k) for k in (0, 1))
-        own = self.landscape.values(self._lines, *np.zeros((2, LINES, n)))
+        own = self.landscape.values(self._lines, *np.zeros((2, LINES, len(self._axes))))
         self.summed, self.own_value = (float(v.mean()) * self._length for v in (np.abs(own), own))
         self._own = np.minimum(own, own.mean())
         self._ways = [self._way(share) for share in SHARES_OF_WAY]
-        self._known = [self.landscape.values(x, *np.zeros((2, len(x), n))) for x, *_ in self._ways]
+        self._known = [self.landscape.values(x, *np.zeros((2, len(x), len(self._axes)))) for x, *_ in self._ways]
 
     def distinct(self) -> list[Valley]:
         """The curve that is shifted evenly to the best place, and the one through the best places of all lines."""
         near = LOWER_VALLEY * self.summed
         low, high, number = self._first
-        few = _first_lines(len(self._curve))[number]
+        few = _first_lines(len(self._axes))[number]
         if not np.isfinite(self._least(low, high, few, near)[0]).any():
             return []
         places, least = self._least(*_boxes(self._departures, self._lines), near)
@@ -84,11 +83,11 @@ class NarrowValleys:
     def _least(
         self, low: np.ndarray, high: np.ndarray, number: np.ndarray, near: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The best shifts (n, k) on all lines, and by how much they are higher; NaN where none is lower."""
+        """The best shifts (k, lines) on all lines, and by how much they are higher; NaN where none is lower."""
         return least_points(low, high, number, self._value, self._bound, np.full(LINES, -near), near)
 
     def _valley(self, places: np.ndarray, lines: np.ndarray) -> Valley:
-        """The polygon through departures (n, m) at some ``lines`` (m,), with the best way there and back."""
+        """The polygon through shifts (k, m) at some ``lines`` (m,), with the best way there and back."""
         from scipy.interpolate import CubicSpline  # few curves are shifted
         from scipy.optimize import minimize_scalar
 
@@ -156,7 +155,7 @@ class NarrowValleys:
         return x, np.tile(at, len(turns)), rates, h
 
     def _by_way(self, lower_by: np.ndarray, away: np.ndarray) -> np.ndarray:
-        """What each way there and back, (w, m), adds to shifts by ``away`` (n, m) that lower L by so much (m,)."""
+        """What each way there and back, (w, m), adds to shifts by ``away`` (k, m) that lower L by so much (m,)."""
         found = []
         for (x, share, rate, h), known in zip(self._ways, self._known, strict=True):
             shifted = self.landscape.values(x, share[:, None] * away.T[:, None], rate[:, None] * away.T[:, None])
@@ -165,11 +164,11 @@ class NarrowValleys:
         return np.array(found)
 
     def _value(self, away: np.ndarray, number: np.ndarray) -> np.ndarray:
-        """What curves are higher by that are shifted by ``away`` (n, m), were L everywhere as on a line."""
+        """What curves are higher by that are shifted by ``away`` (k, m), were L everywhere as on a line."""
         return self._by_way(self._level(away, away, number) - self._own[number], away).min(0)
 
     def _bound(self, low: np.ndarray, high: np.ndarray, number: np.ndarray) -> np.ndarray:
-        """The same at least between two shifts, (n, m) each."""
+        """The same at least between two shifts, (k, m) each."""
         level = self._level(low, high, number)
         unknown = np.isneginf(level)  # where L ends in a box nothing is known of it but what it is at points
         at_corners = [self._level(at[:, unknown], at[:, unknown], number[unknown]) for at in (low, high)]
@@ -180,10 +179,10 @@ class NarrowValleys:
         return self._by_way(level, nearest).min(0)
 
     def _level(self, low: np.ndarray, high: np.ndarray, number: np.ndarray) -> np.ndarray:
-        """The least that L is on lines (m,) between two shifts, (n, m) each; infinite beyond a bound."""
+        """The least that L is on lines (m,) between two shifts, (k, m) each; infinite beyond a bound."""
         problem, x = self._departures.problem, self._lines[number]
         y, v = self._curve[:, number], self._slopes[:, number]
-        place = [(at + a, at + b) for at, a, b in zip(y, low, high, strict=True)]
+        place = list(zip(*(y + shift for shift in _between(self._axes, low, high)), strict=True))
         numbers = [[(np.array(v), np.array(v)) for v in row] for row in self._departures.numbers]
         found = enclosures(stated(problem), [[(x, x)], place, [(row, row) for row in v], [], *numbers])
         return np.broadcast_to(self._departures.least([column[0] for column in found]), number.shape)
@@ -198,7 +197,7 @@ def narrow_valleys(solution: Solution, ordinates: Sampled | None = None) -> Narr
     if problem.symbols.kind is not ca.SX or problem.order > 1 or problem.n > MOST_FUNCTIONS:
         return None
     departures = Departures(solution, None if ordinates is None else _polygon(solution, ordinates))
-    boxes = _boxes(departures, _lines(departures)[_first_lines(problem.n)])
+    boxes = _boxes(departures, _lines(departures)[_first_lines(len(departures.axes))])
     return NarrowValleys(departures, boxes) if len(boxes[2]) else None
 
 
@@ -230,26 +229,33 @@ def _first_lines(functions: int) -> np.ndarray:
 
 
 def _boxes(departures: Departures, lines: np.ndarray) -> Boxes:
-    """Shifts, (n, m) each, between which L may hide something on one of the ``lines``, and the number (m,) of that.
+    """Shifts, (k, m) each, between which L may hide something on one of the ``lines``, and the number (m,) of that.
 
     Where L is no number at one of both it hides nothing.
     """
-    problem, n = departures.problem, departures.problem.n
-    edges = np.concatenate([-SHELLS[n][::-1], [0.0], SHELLS[n]])
-    low, high = boxes_about(edges, n)
+    problem, axes = departures.problem, departures.axes
+    shells = SHELLS[len(axes)]
+    low, high = boxes_about(np.concatenate([-shells[::-1], [0.0], shells]), len(axes))
     number = np.repeat(np.arange(len(lines)), low.shape[1])
-    low, high = (np.tile(side, len(lines)) * departures.units[:, None] for side in (low, high))
+    units = np.abs(axes) @ departures.units / np.abs(axes).sum(1)
+    low, high = (np.tile(side, len(lines)) * units[:, None] for side in (low, high))
     x = lines[number]
     y, slopes = (departures.curve(lines, k)[:, number] for k in (0, 1))
-    place = [Between((a, b), a, b) for a, b in zip(y + low, y + high, strict=True)]
+    place = [Between((a, b), a, b) for a, b in zip(*(y + shift for shift in _between(axes, low, high)), strict=True)]
     at, slope, *numbers = ([_fixed(row) for row in rows] for rows in ([x], slopes, *departures.numbers))
     over = excess(stated(problem), [at, place, slope, [], *numbers], x.shape, RULES)
     hides = np.flatnonzero(over > 1.0)
     if len(hides):
-        still = [np.zeros(len(hides))] * n
-        values = [departures.values(x[hides], list(side[:, hides]), still) for side in (low, high)]
+        still = [np.zeros(len(hides))] * problem.n
+        values = [departures.values(x[hides], list(axes.T @ side[:, hides]), still) for side in (low, high)]
         hides = hides[np.isfinite(values).all(0)]
     return low[:, hides], high[:, hides], number[hides]
+
+
+def _between(axes: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least and greatest shifts (n, m) of the functions between two (k, m) along the ``axes`` (k, n)."""
+    ends = axes.T[:, :, None] * low, axes.T[:, :, None] * high
+    return np.minimum(*ends).sum(1), np.maximum(*ends).sum(1)
 
 
 def _fixed(value: np.ndarray | float) -> Between:

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 
 MOST_BOXES, HALVINGS = 20_000, 60
-"""Boxes of one size that are halved, and how often."""
+"""Boxes of one size that are halved, the lowest where there are more, and how often."""
 
 AtPoints = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Values (m,) at points (f, m), each of the function with its number (m,)."""
@@ -46,9 +46,12 @@ def least_points(
         order = np.argsort(-values, kind="stable")  # of several with one number the last one stays: the lowest
         order = order[values[order] < least[number[order]]]
         best[:, number[order]], least[number[order]] = middle[:, order], values[order]
-        kept = bound(low, high, number) < least[number] - near * np.isfinite(best[0, number])
+        lowest = bound(low, high, number)
+        kept = np.flatnonzero(lowest < least[number] - near * np.isfinite(best[0, number]))
+        if len(kept) > MOST_BOXES:  # a well may be long: some of it is enough
+            kept = kept[np.argsort(lowest[kept], kind="stable")[: MOST_BOXES // len(halves)]]
         low, middle, high, number = low[:, kept], middle[:, kept], high[:, kept], number[kept]
-        if not 0 < len(number) <= MOST_BOXES:
+        if not len(number):
             break
         low, high = (
             np.hstack([np.where(upper, middle, low) for upper in halves]),
