@@ -190,3 +190,20 @@ def test_a_soliton_on_a_long_way_is_found_from_the_least_polygons(stiffness, len
     )
     cost = 8 * math.sqrt(stiffness)
     assert vc.solve(turn).value == pytest.approx(cost, abs=50 * math.exp(-math.sqrt(stiffness) * length) + 1e-9)
+
+
+@pytest.mark.parametrize("c", [1e-3, 1e-6])
+@pytest.mark.parametrize("where", ["along the way", "at the end", "at the end of two"])
+def test_a_free_end_beyond_which_it_falls_for_ever_is_no_end(c, where):
+    """y^2/2 - c y^3 of the end y falls beyond 1/(2 c), far from the rest at 0."""
+    zero = [0, 0] if where == "at the end of two" else 0
+    first = (lambda y: y[0]) if where == "at the end of two" else (lambda y: y)
+    falls = where == "along the way"
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: ca.sumsqr(v) / 2 - (c * y**3 if falls else 0), vc.Fixed(0, zero), vc.Free(1),
+            end_cost=None if falls else lambda x0, y0, x1, y1: -c * first(y1) ** 3,
+        ),
+        throw=False,
+    )  # fmt: skip
+    assert not found.status.ok or (found.local and found.lower == -np.inf)

@@ -175,3 +175,26 @@ def test_free_ends_rest_in_the_valley():
     there = (through_the_valley(1.3, 1e-3) + DEPTH * LENGTH) / 2
     assert found.value == pytest.approx(there - DEPTH * LENGTH, rel=1e-9)
     assert not found.local
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-5])
+def test_beside_a_level_that_binds_nothing_a_polygon_counts(width):
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2 + valley((y - 1.3) ** 2, width), vc.Fixed(0, 0), vc.Fixed(LENGTH, 0),
+            [vc.Isoperimetric(lambda x, y, v: y**2, upper=50)],
+        )
+    )  # fmt: skip
+    assert found.local or found.value == pytest.approx(through_the_valley(1.3, width), rel=1e-9)
+
+
+def test_a_polygon_that_keeps_no_level_marks_nothing():
+    """In the valley the integral of y^2 is 16.9: a level of 1 does not allow it, and the chord is the minimum."""
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2 + valley((y - 1.3) ** 2, 1e-5), vc.Fixed(0, 0), vc.Fixed(LENGTH, 0),
+            [vc.Isoperimetric(lambda x, y, v: y**2, upper=1)],
+        )
+    )  # fmt: skip
+    assert found.value == pytest.approx(0, abs=1e-12)
+    assert not found.local

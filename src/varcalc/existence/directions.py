@@ -30,6 +30,8 @@ SIZED_PLACES = 65
 ON_BOUND = 1e-7
 """How far beyond a bound, in units of its own size or 1, a curve may lie that rests on it."""
 
+SLACK = 1e-10
+"""Multiplier of a level that does not hold the curve."""
 Rows = Sequence[np.ndarray | None]
 """One array a function, all of which broadcast."""
 
@@ -113,11 +115,29 @@ class Departures:
 
         Of a function that does not depart ``away`` and ``rates`` are None.
         """
+        return self.least([(v, v) for v in self._columns(x, away, rates)])
+
+    def _columns(self, x: np.ndarray, away: Rows, rates: Rows) -> list[np.ndarray]:
+        """L and what is bounded or levelled, as they are stated."""
         own, slopes, *bends = self._own(x)
         place = [c if y is None else c + y for c, y in zip(own, away, strict=True)]
         turned = [c if v is None else c + v for c, v in zip(slopes, rates, strict=True)]
         bent = [row for rows in bends for row in rows]
-        return self.least([(v, v) for v in columns(self.problem)(x, place, turned, bent, *self.numbers)])
+        return columns(self.problem)(x, place, turned, bent, *self.numbers)
+
+    def free_of_levels(self, x: np.ndarray, weights: np.ndarray, away: Rows, rates: Rows) -> bool:
+        """Whether the values of curves that depart so are their own: no level holds the known curve, and all are kept.
+
+        They are known at x (m,) with the ``weights`` of a rule.
+        """
+        if self.problem.order > 1 or any(abs(m) > SLACK for m in self._multipliers):
+            return False
+        kept = [c for c in self.problem.constraints if isinstance(c, Isoperimetric | Bound)]
+        for constraint, value in zip(kept, self._columns(x, away, rates)[1:], strict=True):
+            low, high = constraint.interval
+            if isinstance(constraint, Isoperimetric) and not low <= np.broadcast_to(value, x.shape) @ weights <= high:
+                return False
+        return True
 
     def least(self, enclosed: Sequence[Interval]) -> np.ndarray:
         """The least of L with its levels by their multipliers, as it is minimised; infinite beyond a bound.
@@ -172,6 +192,12 @@ class AlongDirection:
         """L as it is minimised."""
         directions = self.direction.tolist()
         return self.departures.values(x, *([t * d if d else None for d in directions] for t in (y, v)))
+
+    def own_values(self, x: np.ndarray, weights: np.ndarray, y: np.ndarray, v: np.ndarray) -> bool:
+        """Whether ``values`` along a curve are the functional's own."""
+        directions = self.direction.tolist()
+        rows = [[t * d if d else None for d in directions] for t in (y, v)]
+        return not self.approximate or self.departures.free_of_levels(x, weights, *rows)
 
     def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
         """What ends that depart by y add."""

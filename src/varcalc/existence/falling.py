@@ -101,6 +101,7 @@ def falls_along(landscape: Landscape, x: np.ndarray, y: np.ndarray, away: np.nda
     with np.errstate(all="ignore"):
         values = landscape.values(s, between(y) + far * between(away), slopes)
         sums = np.einsum("tkq,k,q->t", np.broadcast_to(values, (len(far), *s.shape)), 0.5 * steps, weights)
+        sums = sums + sum(landscape.at_end(side, y[-side] + far[:, 0, 0] * away[-side]) for side in (0, 1))
         falls = sums[2:] - sums[0]
         deepens = bool(np.all((falls[1:] <= DEEPENING * falls[:-1]) | (falls[1:] == -np.inf)))
     if not math.isfinite(sums[0]) or not deepens or not falls[-1] < -DEEP_FALL * (abs(sums[0]) + abs(falls[0]) * 1e-3):

@@ -408,14 +408,15 @@ def _is_lower(value: float, best: Solution, error: float, share: float) -> bool:
 
 def _along(landscape: Landscape, valley: Valley) -> float:
     """The functional along a polygon, made worse by what two rules differ by; infinite where it keeps no level."""
-    if landscape.approximate:
-        return landscape.sign * math.inf
     sums = []
     steps, shape = np.diff(valley.x), valley.y.shape[1:]
     for count in POLYGON_RULES:
         x, weights = composite_gauss(valley.x, count)
         slope = np.repeat((np.diff(valley.y, axis=0).T / steps).T, count, axis=0)
-        sums.append(float(landscape.values(x, valley(x).T.reshape(-1, *shape), slope) @ weights))
+        ordinates = valley(x).T.reshape(-1, *shape)
+        if not landscape.own_values(x, weights, ordinates, slope):
+            return landscape.sign * math.inf
+        sums.append(float(landscape.values(x, ordinates, slope) @ weights))
     return landscape.sign * (sums[1] + at_ends(landscape, valley.y) + RULES_APART * abs(sums[1] - sums[0]))
 
 

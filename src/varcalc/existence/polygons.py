@@ -88,6 +88,10 @@ class Landscape(Protocol):
         """L on arrays that broadcast."""
         ...
 
+    def own_values(self, x: np.ndarray, weights: np.ndarray, y: np.ndarray, v: np.ndarray) -> bool:
+        """Whether the values along one curve, at x (m,) with the weights of a rule, are the functional's own."""
+        ...
+
     def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
         """What ordinates at the start (0) or the end (1) add."""
         ...
@@ -116,6 +120,10 @@ class Graphs:
     def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """L as it is minimised, on arrays that broadcast."""
         return self.sign * self.problem.integrand_on(x, y, v)
+
+    def own_values(self, x: np.ndarray, weights: np.ndarray, y: np.ndarray, v: np.ndarray) -> bool:  # noqa: ARG002
+        """They are: there is no condition."""
+        return True
 
     def at_end(self, side: int, y: np.ndarray) -> np.ndarray:  # noqa: ARG002  no end costs anything
         """Nothing."""
@@ -309,29 +317,31 @@ class Lattice:
 
     def fall(self, valley: Valley) -> Fall | None:
         """The line from the curve's polygon through a valley that leaves the lattice, where it leads down for ever."""
-        if not valley.edge or not all(self.landscape.held):
-            return None
-        return falls_along(self.landscape, self.x, self.c, valley.y - self.c)
+        return falls_along(self.landscape, self.x, self.c, valley.y - self.c) if valley.edge else None
 
     def fall_far_out(self) -> Fall | None:
         """The line from the curve's polygon over arches, where it leads down for ever, however late it begins to.
 
         Of v^2/2 - c y^3 that is beyond a distance of some 1/c. Where L is concave in the slope it is another
-        functional.
+        functional. Free ends are moved as well.
         """
-        if not all(self.landscape.held):
-            return None
-        arch = np.sin(math.pi * (self.x - self.x[0]) / (self.x[-1] - self.x[0]))
-        sizes = self.steep * (self.x[-1] - self.x[0]) * np.concatenate([FARTHEST, -FARTHEST])[:, None]
-        curves = self.c + sizes * arch
+        share = (self.x - self.x[0]) / (self.x[-1] - self.x[0])
+        shapes = [np.sin(math.pi * share)]
+        if not self.landscape.closed:
+            free = not self.landscape.held[0], not self.landscape.held[1]
+            shapes += [shape for shape, moves in zip((1 - share, share), free, strict=True) if moves]
+        sizes = self.steep * (self.x[-1] - self.x[0]) * np.concatenate([FARTHEST, -FARTHEST])
+        away = (np.array(shapes)[:, None] * sizes[:, None]).reshape(-1, len(share))
+        curves = self.c + away
         heights, slopes = 0.5 * (curves[:, 1:] + curves[:, :-1]), np.diff(curves) / self.steps
         sums = values_of(self.landscape, self.middle, heights, slopes) @ self.steps
-        deep = sums < float(self.own_costs.sum()) - FALLEN * self.summed
+        sums = sums + sum(self.landscape.at_end(side, curves[:, -side]) for side in (0, 1))
+        deep = sums < self.own_value - FALLEN * self.summed
         for k in np.flatnonzero(deep).tolist():
             # of what is steep no curvature is told: it is looked at with the curve's own slopes as well
             about = (slopes[k], self.slope)
             if not any(concave_at(self.landscape, self.middle, heights[k], v, self.steep).any() for v in about):
-                return falls_along(self.landscape, self.x, self.c, sizes[k] * arch)
+                return falls_along(self.landscape, self.x, self.c, away[k])
         return None
 
     def apart(self, valley: Valley) -> bool:

@@ -57,6 +57,11 @@ class AlongAxes:
         values = self.departures.values(x, *(list(np.moveaxis(t @ self.axes, -1, 0)) for t in (y, v)))
         return np.broadcast_to(values, np.broadcast_shapes(x.shape, y.shape[:-1], v.shape[:-1]))
 
+    def own_values(self, x: np.ndarray, weights: np.ndarray, y: np.ndarray, v: np.ndarray) -> bool:
+        """Whether ``values`` along a curve are the functional's own, where y and v are (m, k)."""
+        rows = [list((t @ self.axes).T) for t in (y, v)]
+        return not self.approximate or self.departures.free_of_levels(x, weights, *rows)
+
     def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
         """What ends that depart by y (..., k) add."""
         return self.departures.at_end(side, (y @ self.axes).reshape(-1, self.axes.shape[1])).reshape(y.shape[:-1])
