@@ -11,12 +11,12 @@ for Rational Mechanics and Analysis 90, 1985).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from varcalc.existence.broken_curve import between_two_points
-from varcalc.formulation import Coordinates, Form, Stated, extended, formulate, rewriter, straight
+from varcalc.formulation import Coordinates, Form, Sampled, Stated, extended, formulate, rewriter, straight
 from varcalc.methods.ritz.method import Rung, Rungs
 from varcalc.methods.ritz.newton import Newton
 from varcalc.problem.functional import Functional
@@ -106,13 +106,18 @@ def _slopes(rung: Rung) -> tuple[np.ndarray, np.ndarray]:
 class Gap:
     """A curve with an infinite slope at one end: its value, and the power k of x - x_end ~ t^k.
 
-    ``scale`` is the sum of the absolute contributions to the value.
+    ``scale`` is the sum of the absolute contributions to the value, ``curve`` the ordinates as a function of x.
     """
 
     value: float
     scale: float
     power: int
     at_start: bool
+    curve: Sampled = field(repr=False)
+
+    def clear_of(self, value: float, sign: float) -> bool:
+        """Whether a value is clearly worse than this one."""
+        return sign * (value - self.value) > CLEAR_SHARE * abs(value) + VALUES_RESOLVED * self.scale
 
     def finding(self, limit: float) -> Finding:
         """What the gap is, where other curves come down to ``limit``."""
@@ -136,12 +141,25 @@ def gap(problem: Functional, approach: MinimisingSequence) -> Gap | None:
     ]
     sign = problem.sign
     best = min(found, key=lambda g: sign * g.value, default=None)
+    if best is None:
+        return None
     last = float(approach.values[-1])
     # the extrapolation may be off by as much as it adds; a curve between the two proves nothing
     sure = approach.limit - sign * abs(approach.limit - last)
-    if best is None or sign * (sure - best.value) <= CLEAR_SHARE * abs(sure) + VALUES_RESOLVED * best.scale:
+    if not best.clear_of(sure, sign):
         return None
-    return best
+    # the polygons may have been in another valley
+    beside = _polygons_beside(problem, best)
+    return best if beside is None or best.clear_of(beside, sign) else None
+
+
+def _polygons_beside(problem: Problem, steep: Gap) -> float | None:
+    """The least value over polygons that descending from a steep curve leads to; None where it leads to none."""
+    form = formulate(problem)
+    rungs = Rungs(form, Newton(), 1)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        rung = rungs.start(rungs.first_space(POLYGON_PIECES[-1], 1), steep.curve)
+    return None if isinstance(rung, str) else form.sign * rung.value
 
 
 def outdone(solution: Solution) -> Gap | None:
@@ -159,10 +177,7 @@ def outdone(solution: Solution) -> Gap | None:
             found = _steep(problem, power, at_start, least=False)
             if found is None:
                 continue
-            if (
-                sign * (solution.value - found.value)
-                > CLEAR_SHARE * abs(solution.value) + VALUES_RESOLVED * found.scale
-            ):
+            if found.clear_of(solution.value, sign):
                 return found
     return None
 
@@ -189,7 +204,15 @@ def _steep(problem: Problem, power: int, at_start: bool, *, least: bool) -> Gap 
         coarse = at.value if least else system.evaluate(z).value
     size = max(abs(coarse), abs(at.value))
     settled = math.isfinite(size) and abs(coarse - at.value) <= CLEAR_SHARE * size
-    return Gap(form.sign * at.value, at.scale, power, at_start) if settled else None
+    if not settled:
+        return None
+    (a, b), along = problem.span, space.curve(system.coefficients(z))
+
+    def curve(x: np.ndarray) -> np.ndarray:
+        share = np.clip((x - a if at_start else b - x) / (b - a), 0.0, 1.0) ** (1 / power)
+        return along(share if at_start else 1 - share, 0)
+
+    return Gap(form.sign * at.value, at.scale, power, at_start, curve)
 
 
 def _stretched(problem: Problem, power: int, at_start: bool) -> Form:

@@ -140,7 +140,7 @@ def cheaper_ends(solution: Solution) -> CheaperEnds | None:
     fixed = any(problem.slides) or problem.start.periodic or any(problem.of_type(Through))
     if fixed or problem.symbols.kind is not ca.SX:
         return None
-    cost, departures = end_cost(problem), Departures(solution)
+    cost, departures = end_cost(problem), Departures.of(solution)
     if cost is None or gentle(cost, VARYING) or not 0 < sum(len(departures.free(k)) for k in (0, 1)) <= MOST_FREE:
         return None
     return CheaperEnds(departures, cost)

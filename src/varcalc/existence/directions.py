@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from itertools import combinations
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -32,23 +33,24 @@ ON_BOUND = 1e-7
 
 SLACK = 1e-10
 """Multiplier of a level that does not hold the curve."""
+CurveOrSlope = Callable[[np.ndarray, int], np.ndarray]
+"""A curve (n, m) at x (m,), or its derivative of the order that is given."""
 Rows = Sequence[np.ndarray | None]
 """One array a function, all of which broadcast."""
 
 
 class Departures:
-    """Curves that depart from the curve of a solution, and what their functional adds at a place.
+    """Curves over ``span`` that depart from a known one, and what their functional adds at a place.
 
-    A level is replaced by its multiplier, so that what is lower need not keep it. At second order they bend as the
-    known curve does. Beyond a bound nothing is admitted.
+    A level is replaced by its one of the ``multipliers``, so that what is lower need not keep it. At second order they
+    bend as the known curve does. Beyond a bound nothing is admitted.
     """
 
-    def __init__(self, solution: Solution, curve: Callable[[np.ndarray, int], np.ndarray] | None = None) -> None:
-        """The known curve is the solution's where no other one is given."""
-        problem, known = solution.problem, curve or solution.curve
-        assert known is not None
-        self.problem, self.curve, self.sign = problem, known, problem.sign
-        self.span = float(solution.x.min()), float(solution.x.max())
+    def __init__(
+        self, problem: Functional, curve: CurveOrSlope, span: tuple[float, float],
+        multipliers: Sequence[Any], unknowns: Sequence[float],
+    ) -> None:  # fmt: skip
+        self.problem, self.curve, self.sign, self.span = problem, curve, problem.sign, span
         self.closed = bool(problem.start.periodic)
         levels = any(isinstance(c, Isoperimetric) for c in problem.constraints)
         # a level is one that these curves do not keep, and bending costs something
@@ -56,11 +58,19 @@ class Departures:
         self.waypoints = tuple(c.x for c in problem.constraints if isinstance(c, Through))
         self._multipliers = [
             m if isinstance(c, Isoperimetric) else 0.0
-            for c, m in zip(problem.constraints, solution.multipliers, strict=False)
+            for c, m in zip(problem.constraints, multipliers, strict=False)
             if isinstance(c, Isoperimetric | Bound)
         ]
-        self.numbers = problem.parameter_values.tolist(), list(solution.unknowns.values())
+        self.numbers = problem.parameter_values.tolist(), list(unknowns)
         self._known: dict[bytes, list[np.ndarray]] = {}
+
+    @classmethod
+    def of(cls, solution: Solution, curve: CurveOrSlope | None = None) -> Departures:
+        """Those from the curve of a solution, or from one beside it."""
+        known = curve or solution.curve
+        assert known is not None
+        span = float(solution.x.min()), float(solution.x.max())
+        return cls(solution.problem, known, span, solution.multipliers, list(solution.unknowns.values()))
 
     @cached_property
     def _rows(self) -> np.ndarray:
@@ -208,11 +218,27 @@ class AlongDirection:
         return self._unit
 
 
+def polygonal(x: np.ndarray, y: np.ndarray) -> CurveOrSlope:
+    """The polygon with vertices x (m,) and y (n, m), and its slopes."""
+    slopes = np.diff(y) / np.diff(x)
+
+    def curve(at: np.ndarray, derivative: int) -> np.ndarray:
+        if derivative == 0:
+            return np.array([np.interp(at, x, row) for row in y])
+        return slopes[:, np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)]
+
+    return curve
+
+
 def in_directions(solution: Solution) -> Iterator[AlongDirection]:
     """The departures from a solution that are looked at."""
-    departures = Departures(solution)
+    return along_directions(Departures.of(solution))
+
+
+def along_directions(departures: Departures) -> Iterator[AlongDirection]:
+    """The directions of departures that are looked at."""
     axes = departures.axes * departures.sizes
-    width = 0.0 if isinstance(solution.problem, Curve) else departures.span[1] - departures.span[0]
+    width = 0.0 if isinstance(departures.problem, Curve) else departures.span[1] - departures.span[0]
     for shares in _shares(len(axes)):
         yield AlongDirection(departures, axes, shares, width)
 

@@ -36,7 +36,7 @@ from varcalc.formulation import Sampled
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import integrals
-from varcalc.problem.conditions import Holonomic, Isoperimetric
+from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
 from varcalc.problem.convexity import proved_jointly_convex, proved_quadratic
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -44,8 +44,6 @@ from varcalc.solution import PROVED, Solution
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.variation import gentle_across
 
-FAR_LOWER = 0.5
-"""How far below the chord a polygon lies that is worth starting from, in units of what the chord sums."""
 FOLLOWED, FOLLOWED_ACROSS, FOLLOWED_IN_DIRECTIONS = 3, 4, 4
 """Valleys that are followed from one curve, across a landscape, and in all directions from one."""
 DESCENTS = 8
@@ -74,6 +72,9 @@ PLACE = 1
 """The argument of L that is the place."""
 ROUGHLY = 0.05
 """How far above the known value a rough one may be, in units of what is summed, for the valley to be lower."""
+
+NEARLY = 1e-2
+"""The same for a polygon of many pieces."""
 
 _Found = tuple[float, Valleys, Valley, tuple[Ritz, Ritz]]
 """A valley that was seen: how high it lies over the known curve's polygon, on what, and how it is followed."""
@@ -276,30 +277,6 @@ def _worth_following(best: Solution, lattice: Lattice, valley: Valley) -> bool:
     return _is_lower(_along(lattice.landscape, valley), best, 0.0, SURELY_LOWER)
 
 
-def least_polygons(problem: Functional) -> list[Valley]:
-    """The least polygons about the chord, where they are far lower, to start from where the chord led nowhere."""
-    if not has_lattice(problem) or not (problem.start.fixed and problem.end.fixed):
-        return []
-    assert isinstance(problem, Problem)
-    ends = [float(end.values(1)[0]) for end in (problem.start, problem.end)]
-    levels = abs(ends[1] - ends[0]) / (PIECES * NEAR[1])  # so that polygons rest on the level of either end
-    with np.errstate(all="ignore"):
-        lattice = PolygonLattice(Graphs(problem), lambda x: np.interp(x, problem.span, ends), levels)
-        enough = float(lattice.own_costs.sum()) - FAR_LOWER * lattice.summed
-        found = [valley for valley in lattice.valleys() if valley.value < enough][:FOLLOWED]
-    return found if ca.depends_on(problem.integrand, problem.symbols.x) else list(map(_in_the_middle, found))
-
-
-def _in_the_middle(valley: Valley) -> Valley:
-    """The polygon with its pieces in an order in which what rises or falls most lies half way."""
-    rises = np.diff(valley.y)
-    size = np.abs(rises)
-    if not size.any():
-        return valley
-    turned = np.roll(rises, round(0.5 * (len(rises) - 1) - float(size @ np.arange(len(rises)) / size.sum())))
-    return replace(valley, y=valley.y[0] + np.concatenate([[0.0], np.cumsum(turned)]))
-
-
 def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
     """The solution with what was looked at, and marked local where something ``lower`` is known."""
     if lower is None:
@@ -350,8 +327,14 @@ def _followed(
 ) -> Solution | None:
     """The first solution in a valley that is lower, or the known one marked for a polygon that is; None for neither."""
     sign, (rough_way, exact_way) = best.problem.sign, ways
+    bounded = any(best.problem.of_type(Bound))
     for valley in valleys:
         start = lattice.landscape.along(valley)
+        if bounded and valley.y.ndim == 1:
+            # an interior-point method may leave a valley, and takes long: what lies in it is first seen by polygons
+            if (found := _beside_bounds(best, lattice, valley, polish)) is not None:
+                return found
+            continue
         rough = polish(rough_way, start)
         # a coarse mesh may say of a steep curve no more than that it is far lower
         low = sign * (rough.value - best.value) < ROUGHLY * lattice.summed
@@ -366,6 +349,21 @@ def _followed(
         if (marked := _by_polygon(best, lattice, valley, followed=True)) is not None:
             return marked
     return None
+
+
+def _beside_bounds(best: Solution, lattice: Valleys, valley: Valley, polish: Polish) -> Solution | None:
+    """The solution in a valley, or the known one marked for its polygon; None where even that is no lower."""
+    from varcalc.existence.moved_polygons import moved_on
+
+    sign = best.problem.sign
+    with np.errstate(all="ignore"):
+        polygon = moved_on(lattice.landscape, valley)
+    if not polygon.value < sign * best.value + NEARLY * lattice.summed:
+        return None
+    found = polish(IN_NARROW, lattice.landscape.along(polygon), polygon.marks)
+    if found.status.ok:
+        return found if _is_lower(found.value, best, found.error.value, LOWER) else None
+    return _by_polygon(best, lattice, polygon, followed=True)
 
 
 def _by_polygon(best: Solution, lattice: Valleys, valley: Valley, *, followed: bool) -> Solution | None:

@@ -8,12 +8,12 @@ adds is told at points.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.directions import Departures, stated
+from varcalc.existence.directions import CurveOrSlope, Departures, polygonal, stated
 from varcalc.existence.polygons import Valley
 from varcalc.existence.together import AlongAxes
 from varcalc.formulation import Sampled
@@ -196,24 +196,15 @@ def narrow_valleys(solution: Solution, ordinates: Sampled | None = None) -> Narr
     problem = solution.problem
     if problem.symbols.kind is not ca.SX or problem.order > 1 or problem.n > MOST_FUNCTIONS:
         return None
-    departures = Departures(solution, None if ordinates is None else _polygon(solution, ordinates))
+    departures = Departures.of(solution, None if ordinates is None else _polygon(solution, ordinates))
     boxes = _boxes(departures, _lines(departures)[_first_lines(len(departures.axes))])
     return NarrowValleys(departures, boxes) if len(boxes[2]) else None
 
 
-def _polygon(solution: Solution, ordinates: Sampled) -> Callable[[np.ndarray, int], np.ndarray]:
+def _polygon(solution: Solution, ordinates: Sampled) -> CurveOrSlope:
     """Through the curve on all lines and at its ends, with its slopes."""
-    a, b = float(solution.x.min()), float(solution.x.max())
-    x = np.linspace(a, b, 2 * LINES + 1)
-    y = ordinates(x)
-
-    def curve(at: np.ndarray, derivative: int) -> np.ndarray:
-        if derivative == 0:
-            return np.array([np.interp(at, x, row) for row in y])
-        piece = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
-        return (np.diff(y) / np.diff(x))[:, piece]
-
-    return curve
+    x = np.linspace(float(solution.x.min()), float(solution.x.max()), 2 * LINES + 1)
+    return polygonal(x, ordinates(x))
 
 
 def _lines(departures: Departures) -> np.ndarray:

@@ -65,6 +65,8 @@ LEAST_SWING = 1e-3
 """How much L changes from a turn to the next, of its greatest such change, for the levels to reach so far."""
 LEVEL_MARGIN = 0.25
 """Share of their range by which the levels go beyond the turns."""
+BISECTIONS = 40
+"""Halvings by which the edge of where curves may go is found."""
 CLOSER_LEVELS = 8
 """Times as many levels at which the cheapest ones for a curve at rest are looked for."""
 
@@ -432,10 +434,35 @@ def across_the_landscape(landscape: LandscapeWithUnit, ordinates: Callable[[np.n
     room = LEVEL_MARGIN * (high - low)
     levels = np.linspace(low - room, high + room, LEVELS)
     levels = np.union1d(levels, _rests(landscape, x, levels))
-    nodes = np.column_stack([c, np.broadcast_to(levels, (len(x), len(levels)))])
+    beside = _edges(landscape, x, c, (levels[0], levels[-1]))
+    nodes = np.column_stack([c, *beside, np.broadcast_to(levels, (len(x), len(levels)))])
     order = np.argsort(nodes, axis=1, kind="stable")
     nodes, own = np.take_along_axis(nodes, order, 1), np.argmin(order, axis=1)
     return Lattice(landscape, x, nodes, own, float(high - low), extent / float(np.ptp(x)))
+
+
+def _edges(landscape: Landscape, x: np.ndarray, c: np.ndarray, ends: tuple[float, float]) -> list[np.ndarray]:
+    """The ordinates (m,) nearest the curve's, on either side of it, beyond which no curve may go; none, none.
+
+    Where there is none at an abscissa it is the end of the levels.
+    """
+    found = []
+    for end in ends:
+        kept, beyond = c.copy(), np.full(len(c), end)
+        tried = c + np.linspace(0, 1, LEVELS)[:, None] * (beyond - c)
+        barred = ~np.isfinite(values_of(landscape, x, tried, np.zeros(1)))
+        if not barred.any():
+            continue
+        first = np.maximum(np.argmax(barred, axis=0), 1)
+        rows = np.arange(len(c))
+        closed = barred.any(0)
+        kept, beyond = (np.where(closed, tried[k, rows], end) for k in (first - 1, first))
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (kept + beyond)
+            inside = np.isfinite(values_of(landscape, x, middle, np.zeros(1)))
+            kept, beyond = np.where(inside, middle, kept), np.where(inside, beyond, middle)
+        found.append(kept)
+    return found
 
 
 def _turns(landscape: Landscape, x: np.ndarray, c: np.ndarray, unit: float) -> np.ndarray | None:

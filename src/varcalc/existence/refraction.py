@@ -36,6 +36,7 @@ from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, crowded, integrals, singular_inside
+from varcalc.problem.conditions import Bound, Constraint
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.problem.reading import names, text
@@ -88,6 +89,8 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     """The minimum with its crossings made out, or the refusal that says what was met; None where no switch is met."""
     if not (isinstance(problem, Problem) and breakable(problem)):
         return None
+    if (solution := _clear_of_bounds(problem, method, tol, guess)) is not None:
+        return solution
     rounded = _rounded(problem, guess)
     if rounded is None:  # rounding off the greater of two convex branches may leave nothing convex
         form = formulate(problem)
@@ -117,6 +120,27 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
         return None
     found_above = above_kinks(formulate(problem), method, tol, partial(_ordinates, curve))
     return found_above or _none_stands(problem, method, met)
+
+
+def _clear_of_bounds(problem: Problem, method: Ritz, tol: float, guess: Sampled | None) -> Solution | None:
+    """The minimum that would be one without bounds, where it keeps them; None where it does not."""
+    others = [c for c in problem.constraints if not isinstance(c, Bound) or c.interval[0] == c.interval[1]]
+    if len(others) == len(problem.constraints):
+        return None
+    free = refracted(_under(problem, others), method, tol, guess)
+    if free is None or free.curve is None or not free.status.ok:
+        return None
+    met = _breaking(problem, met_by(replace(free, problem=problem), FOLLOWED_TO))
+    return _settled(problem, method, tol, free.curve, met) if met else None
+
+
+def _under(problem: Problem, constraints: Sequence[Constraint]) -> Problem:
+    """The problem under other conditions."""
+    return Problem(
+        problem.lagrangian, problem.start, problem.end, constraints, parameters=problem.parameters,
+        unknowns=problem.unknowns, end_cost=problem.end_cost, maximise=problem.maximise,
+        breakpoints=problem.breakpoints, order=problem.order,
+    )  # fmt: skip
 
 
 def _none_stands(problem: Problem, method: Ritz, met: list[Crossing]) -> Solution:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from varcalc.existence.directions import AlongDirection, Departures
+from varcalc.existence.moved_polygons import costs, moved
 from varcalc.existence.polygons import NEAR, Lattice, Valley
 from varcalc.formulation import Sampled
 
@@ -26,8 +27,6 @@ CLOSER, EVEN = 65, 0.3
 """Places along an axis at which L is asked for its changes, and the share of the levels that lie evenly."""
 ROWS_PASSED = (0.25, 0.5, 0.75)
 """Where on the way every node of the box is passed by a polygon."""
-GAUSS_SHARES = 0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)
-"""Where on a piece its two Gauss points lie."""
 MOVES = 3
 """How often each axis is moved along with one step."""
 MOST_TOGETHER = (160, 60), (40, 20), (12, 12)
@@ -73,9 +72,9 @@ class PolygonsTogether:
     def __init__(self, landscape: AlongAxes, x: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> None:
         self.landscape, self._room = landscape, SAME * steps
         own = np.zeros((1, len(x), len(steps)))
-        costs = self._costs(x, own[:, :, None])
-        self.summed = float(np.abs(costs).sum())
-        self.own_value = float(costs.sum()) + float(sum(landscape.at_end(side, own[0, -side]) for side in (0, 1)))
+        summed = costs(landscape, x, own[:, :, None])
+        self.summed = float(np.abs(summed).sum())
+        self.own_value = float(summed.sum()) + float(sum(landscape.at_end(side, own[0, -side]) for side in (0, 1)))
         y, values, step = starts, np.zeros(len(starts)), steps
         for number, most in enumerate(MOST_TOGETHER):
             if number:
@@ -96,47 +95,15 @@ class PolygonsTogether:
 
         The steps are halved as often as it is said how many are moved at ``most``.
         """
-        y, values = self._moved(x, y, np.zeros((1, len(step))))
+        y, values = moved(self.landscape, x, y, np.zeros((1, len(step))))
         for count in most:
             chosen = self._distinct(y, values)[:count]
             y, step = y[chosen], 0.5 * step
             for _ in range(MOVES):
                 for axis in np.diag(step):
-                    y, values = self._moved(x, y, np.array([0 * axis, axis, -axis]))
+                    y, values = moved(self.landscape, x, y, np.array([0 * axis, axis, -axis]))
         chosen = self._distinct(y, values)
         return y[chosen], values[chosen], step
-
-    def _costs(self, x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-        """What each piece adds between nodes (P, K + 1, S, k) of neighbouring rows, (P, K, S, S)."""
-        first, last, h = nodes[:, :-1, :, None], nodes[:, 1:, None], np.diff(x)[:, None, None]
-        sums = 0.0
-        for share in GAUSS_SHARES:
-            place = x[:-1, None, None] + share * h
-            sums = sums + self.landscape.values(place, first + share * (last - first), (last - first) / h[..., None])
-        return np.where(np.isfinite(sums), sums, np.inf) * h / len(GAUSS_SHARES)
-
-    def _moved(self, x: np.ndarray, y: np.ndarray, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The least of the polygons that vertices of each of y (P, K + 1, k) make by one of the ``moves`` (S, k), or 0.
-
-        The first of the moves is 0. Their values are (P,).
-        """
-        nodes = y[:, :, None] + moves
-        costs = self._costs(x, nodes)
-        fixed = np.isin(x, self.landscape.waypoints)
-        fixed[[0, -1]] |= np.array(self.landscape.held) | self.landscape.closed  # a closed one moves between its ends
-        aside = np.arange(len(moves)) > 0
-        reached = self.landscape.at_end(0, nodes[:, 0]) + np.where(fixed[0] & aside, np.inf, 0.0)
-        before = []
-        for k in range(len(x) - 1):
-            sums = reached[:, :, None] + costs[:, k] + np.where(fixed[k + 1] & aside, np.inf, 0.0)
-            before.append(np.argmin(sums, axis=1))
-            reached = np.min(sums, axis=1)
-        reached = reached + self.landscape.at_end(1, nodes[:, -1])
-        path = [np.argmin(reached, axis=1)]
-        for back in reversed(before):
-            path.insert(0, back[np.arange(len(y)), path[0]])
-        chosen = np.stack(path, axis=1)[:, :, None, None]
-        return np.take_along_axis(nodes, chosen, axis=2)[:, :, 0], reached.min(axis=1)
 
     def _distinct(self, y: np.ndarray, values: np.ndarray) -> np.ndarray:
         """The numbers of the polygons of which none comes near a lower one all along, the lowest first."""

@@ -309,6 +309,11 @@ class Form:
         return bool(self.rides) or (self.ends.joint is not None and bool(self.ends.joint.inside))
 
     @property
+    def has_bounds(self) -> bool:
+        """True where something between the ends is asked to lie between bounds."""
+        return any(not c.equality for c in (*self.conditions.pathwise, *self.conditions.integrals))
+
+    @property
     def has_inequalities(self) -> bool:
         """True when an interior-point method is called for."""
         return bool(self.conditions.pathwise) or any(not c.equality for c in self.conditions.integrals)

@@ -391,8 +391,9 @@ def multipliers(extremal: Extremal) -> tuple[Any, ...]:
     out: list[Any] = []
     for i, constraint in enumerate(form.problem.constraints):
         if isinstance(constraint, Isoperimetric):
-            # the Lagrangian function is J + lambda (G - level), so J changes by -lambda with the level
-            out.append(-form.sign * float(levels[i]))
+            # the Lagrangian function is J + lambda (G - level), so J changes by -lambda with the level; a form that
+            # leaves a level out is one that it does not hold
+            out.append(-form.sign * float(levels.get(i, 0.0)))
         else:
             out.append(Multiplier(_PathDensity(extremal, i)) if i in extremal.path else None)
     return tuple(out)

@@ -16,7 +16,7 @@ from varcalc.existence.approach import outdone
 from varcalc.existence.constant_speed import at_constant_speed
 from varcalc.existence.fading import attained
 from varcalc.existence.feasibility import explained
-from varcalc.existence.global_look import FINE, has_lattice, least_polygons, looked_around
+from varcalc.existence.global_look import FINE, IN_NARROW, has_lattice, looked_around
 from varcalc.existence.refraction import refracted, smooth_or_refused
 from varcalc.existence.upright import upright
 from varcalc.formulation import Form, Sampled, formulate
@@ -228,6 +228,9 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
     for method, guide in zip(LADDER, (_quadrature, None), strict=True):
         told(type(method).__name__)
         solution = _made_out(_attempt(problem, method, tol, guess))
+        # whoever gives a guess asks for the valley it lies in
+        if failure is None and guess is None and not solution.status.ok and solution.verdict is None:
+            solution = _from_polygons(problem, tol, told) or solution
         if not solution.status.ok:
             solution = _once_more(solution, method, tol)
         # what is all but free to move along itself may stand where round-off holds it: quadrature says where it belongs
@@ -242,13 +245,26 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
             return found
         if degenerate:
             return solution
-    told("polygons")
-    for polygon in least_polygons(problem):
-        solution = _polished(problem, tol, FINE, polygon)
-        if solution.status.ok:
-            return solution
     assert failure is not None
     return _guided(problem, _collocation(), tol, guess, told) or failure
+
+
+def _from_polygons(problem: Functional, tol: float, told: Told) -> Solution | None:
+    """The answer in the valley of a least polygon; None where none was found."""
+    if proved_jointly_convex(problem):
+        return None
+    from varcalc.existence.least_polygons import least_polygons  # few solves need them
+
+    told("polygons")
+    polygons = least_polygons(problem)
+    ways = [(IN_NARROW, p, p.marks) for p in polygons] + [(FINE, p, ()) for p in polygons]
+    if breakable(problem):  # what switches has a mesh of its own
+        ways = [(LADDER[0], p, ()) for p in polygons[:1]]
+    for method, polygon, marks in ways:
+        solution = _polished(problem, tol, method, polygon, marks)
+        if solution.status.ok:
+            return solution
+    return None
 
 
 def _kinked(problem: Functional, method: Ritz, tol: float) -> Solution | None:

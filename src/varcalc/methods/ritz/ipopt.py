@@ -357,6 +357,8 @@ class _Pathwise:
                 self._append(kind, condition, inner.kept(np.repeat(elements, len(rule[0]))), size, elements, rule)
             # the end's ordinate decides no slope; ends both given decide one that is asked all along
             corners[0] = condition.equality and not given and elements[0] and not elements.all()
+            if condition.equality and condition.where is not None and condition.index >= 0 and not given:
+                corners &= elements  # what a slope is where it is at its bound says nothing of what it is beside that
             if corners.any() and (condition.equality or given):
                 beside = [_beside(vertices, side) for side in (-1, 1)]
                 jumping = corners & (given > 0)  # the highest derivative at a vertex is that of one side only

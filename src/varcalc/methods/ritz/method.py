@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,9 +25,11 @@ from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
 from varcalc.methods.ritz.layers import cuts, hidden, layered
 from varcalc.methods.ritz.newton import NO_NUMBER, Newton, load, minimise
+from varcalc.methods.ritz.slack import kept, without_inequalities
 from varcalc.methods.ritz.starts import COMPARED, bent_anyhow, clear_of_bounds, meeting_levels
+from varcalc.methods.ritz.steepest import FOUND, NEARLY_FOUND, at_bounds, kept_vertices, moved, shift, steep, steepest
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
-from varcalc.methods.ritz.touching import touchable, touching
+from varcalc.methods.ritz.touching import Touching, touchable, touching
 from varcalc.numerics.mesh import Space, on_one_element
 from varcalc.problem.conditions import truth, whole
 from varcalc.showing import Brief
@@ -73,6 +76,9 @@ MOST_UNKNOWNS, MOST_AN_ELEMENT = 4000, 24
 """Unknowns with which a solve is given up that needs more: in all, or an element of the mesh that it was given."""
 MOST_WORTH_WHILE, WORTH_WHILE = 100_000, 0.3
 """The same while every refinement leaves no more than this share of the error."""
+STEPS_TO_ENDS, ON_KNOWN_MESH = 12, 16
+"""Times that the ends of stretches on which the slope is at a bound are moved, and the degree on a mesh that is known.
+"""
 NEXT_TO_NOTHING = 1e6
 """Height of a curve that vanishes on a bound, in units of one that is as good as zero, from which it has not yet."""
 WORTHLESS = 1e-3
@@ -119,11 +125,12 @@ class Ritz(Brief):
             reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
             return no_answer(form.problem, self, Status.REFUSED, reason)
         load()
-        if self.refine and form.conditions.pathwise and touchable(form):
-            solution = self._through_contacts(form, tol, guess)
-            if solution is not None:
-                return solution
-        return _Climb(self, form, tol).run(guess)
+        solution = None
+        if form.has_bounds:
+            solution = self._unbound(form, tol, guess)
+            if solution is None and self.refine and (touchable(form) or steep(form)):
+                solution = self._through_contacts(form, tol, guess)
+        return solution or _Climb(self, form, tol).run(guess)
 
     @property
     def plain(self) -> bool:
@@ -135,6 +142,11 @@ class Ritz(Brief):
         """The answer next to the curve that ``coefficients`` give on one element; None where it is in doubt."""
         load()
         return _Climb(self, form, tol).continued(degree, coefficients)
+
+    def _unbound(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
+        """The minimum without the inequalities where it keeps them; None where they bind it, or none is found."""
+        free = _Climb(replace(self, starts=1), without_inequalities(form), tol).run(guess)
+        return kept(form, replace(free, method=self)) if free.status.ok else None
 
     def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
         """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""
@@ -154,15 +166,47 @@ class Ritz(Brief):
 
     def _held(self, form: Form, first: Solution, started: float, tol: float) -> Solution | None:
         """The answer with the contacts of a ``first`` one as equations; None where it does not count."""
+        if steep(form):
+            return self._at_steepest(form, first, started, tol)
         for found in touching(form, first):
             solution = _Climb(replace(self, elements=1, degree=None, starts=1), found.form, tol).run(None)
             if not (solution.status.ok and found.counts(solution)):
                 continue
-            build, spent = first.stats.build + solution.stats.build, time.perf_counter() - started
-            iterations = first.stats.iterations + solution.stats.iterations
-            stats = replace(solution.stats, build=build, solve=spent - build, iterations=iterations)
-            return found.plainly(replace(solution, method=self, stats=stats))
+            return found.plainly(self._timed(solution, first, started))
         return None
+
+    def _at_steepest(self, form: Form, first: Solution, started: float, tol: float) -> Solution | None:
+        """The answer with its slope at a bound where the ``first`` one's is, nearly; None where it does not count."""
+        contacts, guess, apart = steepest(form, first), first, math.inf
+        vertices: Sequence[float] = ()
+        for _ in range(STEPS_TO_ENDS):
+            if not contacts or guess.curve is None:
+                return None
+            held = at_bounds(form, contacts, vertices)
+            way = replace(self, elements=1, degree=ON_KNOWN_MESH if vertices else None, starts=1)
+            nearly = tol if apart <= NEARLY_FOUND else max(tol, ROUGHLY)
+            solution = _Climb(way, held, nearly).run(partial(_ordinates, guess.curve))
+            if not solution.status.ok:
+                return None
+            following = moved(form, contacts, solution)
+            apart = shift(form, contacts, following)
+            if apart <= FOUND and nearly == tol:
+                found = Touching(held, tuple(contacts), form)
+                return found.plainly(self._timed(solution, first, started)) if found.counts(solution) else None
+            vertices = kept_vertices(contacts, following, solution)
+            contacts, guess = following, solution
+        return None
+
+    def _timed(self, solution: Solution, first: Solution, started: float) -> Solution:
+        """The solution with what was spent on the ``first`` one as well."""
+        build, spent = first.stats.build + solution.stats.build, time.perf_counter() - started
+        iterations = first.stats.iterations + solution.stats.iterations
+        stats = replace(solution.stats, build=build, solve=spent - build, iterations=iterations)
+        return replace(solution, method=self, stats=stats)
+
+
+def _ordinates(curve: Callable[[np.ndarray, int], np.ndarray], x: np.ndarray) -> np.ndarray:
+    return curve(x, 0)
 
 
 @dataclass

@@ -75,10 +75,12 @@ class Touching:
 
     def counts(self, solution: Solution) -> bool:
         """Whether the bounds hold everywhere, and press the right way where they are touched."""
-        if solution.curve is None or solution.extremal is None or not runs_forwards(solution.extremal):
+        extremal, moving = solution.extremal, self.form.stated.is_lifted
+        if solution.curve is None or extremal is None or (moving and not runs_forwards(extremal)):
             return False
         # as closely as the bound is seen, in units of its contacts too
-        ends = [lifted(solution.extremal, np.array([c.start, c.end]))[0] for c in self.contacts]
+        ends = [np.array([c.start, c.end]) for c in self.contacts]
+        ends = [lifted(extremal, s)[0] for s in ends] if moving else ends
         close = [np.linspace(a - (b - a), b + (b - a), CONTACT_SAMPLES) for a, b in ends]
         x = np.clip(np.concatenate([np.linspace(*self.plain.span, CONTACT_SAMPLES), *close]), *self.plain.span)
         curve = solution.curve
@@ -128,18 +130,8 @@ def touching(form: Form, coarse: Solution) -> list[Touching]:
     """The contacts that a coarse solution shows, as forms of their own in which they may be; none to speak of, none."""
     if coarse.curve is None or not isinstance(form.problem, Problem):
         return []
-    curve, vertices = coarse.curve, coarse.x
-    # a mesh that was marked is fine where the bound is narrow
-    within = (vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(AN_ELEMENT) / AN_ELEMENT)).ravel()
-    x = np.union1d(np.linspace(*form.span, CONTACT_SAMPLES), within)
-    contacts: list[Contact] = []
-    for condition in form.conditions.pathwise:
-        values = _along(form, condition, curve, x)
-        for level in {condition.lower, condition.upper}:
-            if np.isfinite(level):
-                size = max(float(np.ptp(values)), 1e-300)
-                near = np.abs(values - level) <= max(TOUCHING, min(coarse.error.curve / size, ROUGH)) * size
-                contacts += [Contact(condition.index, level, *ends) for ends in _stretches(x, near)]
+    curve = coarse.curve
+    contacts = touched_stretches(form, coarse)
     contacts.sort(key=lambda c: c.start)
     apart = all(a.end < b.start for a, b in pairwise(contacts))
     if not (0 < len(contacts) <= MOST_CONTACTS and apart):
@@ -151,6 +143,27 @@ def touching(form: Form, coarse: Solution) -> list[Touching]:
         ways = [points, contacts, *([_within(form, c, share) for c in contacts] for share in (SHORTER, 0.0))]
     ways = [way for k, way in enumerate(ways) if way not in ways[:k]]
     return [_placed(form, way, curve) for way in ways if _marks(form, way)]
+
+
+def touched_stretches(form: Form, coarse: Solution) -> list[Contact]:
+    """The stretches along which a coarse solution is at a bound, or nearly."""
+    assert coarse.curve is not None
+    curve, vertices = coarse.curve, coarse.x
+    # a mesh that was marked is fine where the bound is narrow
+    within = (vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(AN_ELEMENT) / AN_ELEMENT)).ravel()
+    x = np.union1d(np.linspace(*form.span, CONTACT_SAMPLES), within)
+    contacts: list[Contact] = []
+    for condition in form.conditions.pathwise:
+        values = _along(form, condition, curve, x)
+        for level in {condition.lower, condition.upper}:
+            if np.isfinite(level):
+                size = max(float(np.ptp(values)), 1e-300)
+                steep = form.order == 1 and ca.depends_on(condition.expression, form.symbols.highest)
+                # a slope is known less well than an ordinate
+                room = ROUGH if steep else max(TOUCHING, min(coarse.error.curve / size, ROUGH))
+                near = np.abs(values - level) <= room * size
+                contacts += [Contact(condition.index, level, *ends) for ends in _stretches(x, near)]
+    return contacts
 
 
 def _within(form: Form, contact: Contact, share: float) -> Contact:
@@ -189,8 +202,7 @@ def _along(
 ) -> np.ndarray:
     """A bound's function along a curve at x (m,)."""
     numbers = (form.problem.parameter_values[None], form.start.unknowns[None])
-    highest = np.zeros((1, 1))  # no bound here depends on it
-    slopes = (highest, np.zeros((1, 0))) if form.order == 1 else (curve(x, 1).T, highest)
+    slopes = (curve(x, 1).T, np.zeros((1, form.order - 1)))  # no bound here depends on the curvature
     return _bound(form, condition.index)(len(x), x[:, None], curve(x, 0).T, *slopes, *numbers)[:, 0]
 
 

@@ -1,0 +1,132 @@
+"""Polygons moved to where the functional is less, by iterative dynamic programming.
+
+About a polygon the least one in departures along each axis is found, again and again, with ever smaller steps (Luus,
+"Iterative Dynamic Programming", 2000, ch. 3): what it ends in is bound to the nodes of no lattice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from varcalc.existence.polygons import Landscape, Valley, values_of
+
+GAUSS_SHARES = 0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)
+"""Where on a piece its two Gauss points lie."""
+FINE_ENOUGH = 150
+"""Pieces of a polygon from which on it is fine enough."""
+MOVES = np.arange(-3.0, 4.0)[[3, 2, 4, 1, 5, 0, 6]]
+"""Steps that vertices are moved by at once; the first is none."""
+SWEEPS, HALVINGS = 3, 2
+"""How often they are moved with one step, and how many steps there are, each half the last, on so many pieces."""
+STEPS_HIGH = 64
+"""Steps of the extent of a valley, by which it is first moved."""
+MARKS, EVENLY = 14, 0.3
+"""Elements of a mesh that holds a polygon, and how much of the interval is shared out evenly between them."""
+
+
+class ManyFunctions(Protocol):
+    """A functional of first order of k functions at once, as it is minimised; ``held``, ``closed`` as a landscape's."""
+
+    held: tuple[bool, bool]
+    closed: bool
+    waypoints: tuple[float, ...]
+
+    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """L, where y and v are (..., k)."""
+        ...
+
+    def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
+        """What ends that depart by y (..., k) add."""
+        ...
+
+
+class _Alone:
+    """A landscape of one function, as one of several."""
+
+    def __init__(self, landscape: Landscape) -> None:
+        self.landscape, self.held, self.closed = landscape, landscape.held, landscape.closed
+        self.waypoints = landscape.waypoints
+
+    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """L, where y and v are (..., 1)."""
+        return values_of(self.landscape, x, y[..., 0], v[..., 0])
+
+    def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
+        """What ends that depart by y (..., 1) add."""
+        return self.landscape.at_end(side, y[..., 0].ravel()).reshape(y.shape[:-1])
+
+
+def moved_on(landscape: Landscape, valley: Valley) -> Valley:
+    """The polygon that the one of a valley of one function leads to, on a mesh that holds it."""
+    y = valley.y[None, :, None]
+    step = np.array([float(np.ptp(valley.y)) / STEPS_HIGH])
+    x, ordinates, values = refined(_Alone(landscape), valley.x, y, step, 1)
+    return marked(replace(valley, x=x, y=ordinates[0, :, 0], value=float(values[0])))
+
+
+def marked(valley: Valley) -> Valley:
+    """A valley with the vertices of a mesh that is finer where its polygon turns."""
+    turns = np.abs(np.diff((np.diff(valley.y, axis=0).T / np.diff(valley.x)).T, axis=0).reshape(len(valley.x) - 2, -1))
+    share = np.sqrt(turns.max(1))
+    passed = np.cumsum(share / (share.sum() or 1.0) + EVENLY / len(share))
+    marks = np.interp(passed[-1] * np.arange(1, MARKS) / MARKS, passed, valley.x[1:-1])
+    return replace(valley, marks=tuple(np.unique(marks).tolist()))
+
+
+def refined(
+    landscape: ManyFunctions, x: np.ndarray, y: np.ndarray, step: np.ndarray, most: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The vertices x, departures and values of polygons that ``y`` (P, K + 1, k) lead to, on ever more pieces.
+
+    They are moved by ``step`` (k,) and less; of the first ones the ``most`` that are lowest are moved on.
+    """
+    values = np.zeros(len(y))
+    while True:
+        for _ in range(HALVINGS):
+            for _ in range(SWEEPS):
+                for axis in np.diag(step):
+                    y, values = moved(landscape, x, y, MOVES[:, None] * axis)
+            step = step / 2
+        if len(x) > FINE_ENOUGH:
+            return x, y, values
+        order = np.argsort(values, kind="stable")[:most]
+        finer = np.union1d(x, (x[1:] + x[:-1]) / 2)
+        y = np.stack([[np.interp(finer, x, row) for row in y[p].T] for p in order]).transpose(0, 2, 1)
+        x = finer
+
+
+def costs(landscape: ManyFunctions, x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """What each piece adds between nodes (P, K + 1, S, k) of neighbouring rows, (P, K, S, S)."""
+    first, last, h = nodes[:, :-1, :, None], nodes[:, 1:, None], np.diff(x)[:, None, None]
+    sums = 0.0
+    for share in GAUSS_SHARES:
+        place = x[:-1, None, None] + share * h
+        sums = sums + landscape.values(place, first + share * (last - first), (last - first) / h[..., None])
+    return np.where(np.isfinite(sums), sums, np.inf) * h / len(GAUSS_SHARES)
+
+
+def moved(landscape: ManyFunctions, x: np.ndarray, y: np.ndarray, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least of the polygons that vertices of each of y (P, K + 1, k) make by one of the ``moves`` (S, k), or 0.
+
+    The first of the moves is 0. Their values are (P,).
+    """
+    nodes = y[:, :, None] + moves
+    added = costs(landscape, x, nodes)
+    fixed = np.isin(x, landscape.waypoints)
+    fixed[[0, -1]] |= np.array(landscape.held) | landscape.closed  # a closed one moves between its ends
+    aside = np.arange(len(moves)) > 0
+    reached = landscape.at_end(0, nodes[:, 0]) + np.where(fixed[0] & aside, np.inf, 0.0)
+    before = []
+    for k in range(len(x) - 1):
+        sums = reached[:, :, None] + added[:, k] + np.where(fixed[k + 1] & aside, np.inf, 0.0)
+        before.append(np.argmin(sums, axis=1))
+        reached = np.min(sums, axis=1)
+    reached = reached + landscape.at_end(1, nodes[:, -1])
+    path = [np.argmin(reached, axis=1)]
+    for back in reversed(before):
+        path.insert(0, back[np.arange(len(y)), path[0]])
+    chosen = np.stack(path, axis=1)[:, :, None, None]
+    return np.take_along_axis(nodes, chosen, axis=2)[:, :, 0], reached.min(axis=1)
