@@ -34,6 +34,20 @@ def test_every_run_goes_to_its_own_stop(engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda e: e.name)
+def test_a_distance_is_met_where_it_is_although_its_series_soon_ends(engine):
+    # along a straight line the series of √(x² + b²) ends at |x| = b, that of the motion never
+    s, y, c = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c")
+    line = ca.Function("line", [s, y, c], [ca.vertcat(1, 0)])
+    flow = engine.compile(line, ca.Function("stops", [s, y, c], [ca.sqrt(y[0] ** 2 + y[1] ** 2) - 1]))
+    beside = np.geomspace(1e-3, 0.9, 19)
+    half = np.sqrt(1 - beside**2)
+    across = flow.ensemble(np.column_stack([-half, beside]), np.zeros((19, 1)), until=5.0, leaving=(0,))
+    towards = flow.ensemble(np.column_stack([-2 - half, beside]), np.zeros((19, 1)), until=5.0)
+    np.testing.assert_allclose(across.reached, 2 * half, rtol=1e-14)
+    np.testing.assert_allclose(towards.reached, 2, rtol=1e-14)
+
+
+@pytest.mark.parametrize("engine", ENGINES, ids=lambda e: e.name)
 def test_the_first_of_several_stops_counts(engine):
     flow = engine.compile(*free_fall(lambda y, c: ca.vertcat(y[0], y[2] - c)))
     start = np.tile([0.5, 0.0, 0.0], (9, 1))

@@ -31,6 +31,8 @@ it ended at stop 0.
 MET + k says that it ended at stop k. A traveller that has ended stays where it is, and ends again."""
 SERIES_SHARE = 1 / 2
 """Of the tolerance: by so much of the step's own length may the series miss its end."""
+LEVEL_SHARE = 1e-12
+"""Of what a stopping function changes by: to which its series must tell it. Its zero is told on the function itself."""
 SHRUNK = (1.0, 0.25)
 """The lengths, as parts of the longest step possible, of which the first is taken that the stops allow."""
 LENGTHEN = 8.0
@@ -66,8 +68,10 @@ class TaylorStep:
         time, bound, until, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("e"), ca.SX.sym("l", len(levels))
         # what stands on a stop is asked for its next zero: its own is divided out
         ahead = [ca.if_else(leaving[j], ca.vertcat(level[1:], 0), level) for j, level in enumerate(levels)]
-        free, graze = _free_step(solution, time, until - time, self.tolerance * SERIES_SHARE)
-        length, certain = _allowed(ahead, ca.fmin(bound, free), graze)
+        free, whole = _free_step(solution, time, until - time, self.tolerance * SERIES_SHARE)
+        graze = GRAZE * ca.fmin(free, whole)
+        longest = reduce(ca.fmin, [_told(level, whole) for level in levels], ca.fmin(bound, free))
+        length, certain = _allowed(ahead, longest, graze)
         length = ca.fmin(length, until - time)
         crossed = [_crossed(level, length) for level in ahead]
         number, zero, found = _zero(ahead, crossed, length)
@@ -137,10 +141,10 @@ def _largest(columns: Sequence[Expression], k: int) -> Expression:
 def _free_step(
     solution: Sequence[Expression], time: Expression, left: Expression, share: float
 ) -> tuple[Expression, Expression]:
-    """The step after which the last terms of the series are ``share`` of what the step changes, and what is a graze.
+    """The step after which the last terms of the series are ``share`` of what the step changes, and a natural time.
 
-    The measure is the change and not the state, which may be at the origin
-    of its coordinates, or very far from it.
+    That is the one in which the state changes by its own size. The measure is the change and not the state, which may
+    be at the origin of its coordinates, or very far from it.
     """
     order = solution[0].numel() - 1
     change, tiny = _largest(solution, 1), np.finfo(float).tiny
@@ -155,7 +159,20 @@ def _free_step(
     whole = time + _largest(solution, 0) / change
     # at the origin, at the time 0, there is no size to go by
     whole = ca.if_else(whole > 0, whole, ca.fmin(free, ca.if_else(left < np.inf, left, 1.0)))
-    return ca.fmin(free, UNBOUNDED * whole), GRAZE * ca.fmin(free, whole)
+    return ca.fmin(free, UNBOUNDED * whole), whole
+
+
+def _told(level: Expression, whole: Expression) -> Expression:
+    """The step up to which the series of a stopping function tells it, beside what it changes by in the time ``whole``.
+
+    The solution may be told much farther: beside a straight line the distance from a point is no polynomial.
+    """
+    order, tiny = level.numel() - 1, np.finfo(float).tiny
+    size = reduce(ca.fmax, (ca.fabs(level[k]) * whole**k for k in range(3)))
+    return reduce(
+        ca.fmin,
+        ((LEVEL_SHARE * (size + tiny) / (ca.fabs(level[k]) + tiny)) ** (1 / k) for k in (order - 1, order)),
+    )
 
 
 def _allowed(levels: Sequence[Expression], longest: Expression, graze: Expression) -> tuple[Expression, Expression]:
