@@ -36,6 +36,8 @@ PARTINGS = 20
 """Halvings of a panel after which a part in which a polynomial has both a zero and a flat place is one place."""
 SLACK = 1e-10
 """Of what is summed: what the series may be off."""
+TORN = 1e-6
+"""Of the sum of coefficients: a value that is farther off from the series at a break is that of its other side."""
 BISECTIONS = 40
 """To begin with, on the series."""
 BESIDE = 0.1
@@ -144,8 +146,23 @@ def proxies(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.
     places, back = np.unique(np.stack([np.repeat(family, 2), ends.ravel()]), axis=1, return_inverse=True)
     own = places[0].astype(int)
     at_edges = functions(own, places[1])[back.reshape(-1, 2)]
+    noise = functions.noise(own, places[1])[back.reshape(-1, 2)]
+    at_edges = _own_side(series[order], at_edges, noise, ends != np.column_stack([low, high]))
     looked_at += np.bincount(own, minlength=count)
     return Proxies(functions, family, low, high, series[order], ends, at_edges, given_up, looked_at)
+
+
+def _own_side(series: np.ndarray, at_edges: np.ndarray, noise: np.ndarray, breaks: np.ndarray) -> np.ndarray:
+    """The values ``at_edges`` of panels (P, 2, F), at ``breaks`` (P, 2) where they jump those of ``series`` (P, F, N).
+
+    What lies so close to a break is told on one side of it or on the other, as round-off has it. By the ``noise``
+    (P, 2, F) it may differ from the series as well.
+    """
+    from_series = np.stack([chebyshev.chebval(x, np.moveaxis(series, -1, 0)) for x in (-1.0, 1.0)], axis=1)
+    size = np.abs(series).sum(axis=-1)[:, None]
+    near = np.abs(at_edges - from_series) <= (TORN + noise) * size
+    other = breaks[..., None] & np.isfinite(from_series) & ~near
+    return np.where(other, from_series, at_edges)
 
 
 def stands(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

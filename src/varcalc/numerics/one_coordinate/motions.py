@@ -23,6 +23,8 @@ HEIGHT_ROUND_OFF = 64 * float(np.finfo(float).eps)
 """Of a height: by how much more a turning point is not off."""
 KNOWN = 1e-2
 """Of the change of g over a height: what is left of it has so many digits more than the height."""
+AT_JUMP = 8 * float(np.finfo(float).eps)
+"""Of a place, and of the start: what is so close to a jump of g is at it."""
 LEVEL = 1e-3
 """Of what g would have come to by its slope: where g and C are both less, g - C is told from themselves."""
 TOGETHER = 2048
@@ -215,10 +217,14 @@ class TwoTurns(CoordinateMotion):
 
 @dataclass(frozen=True)
 class MotionBounds:
-    """What bounds m motions on one side: ``x`` (m,) from their starts, and whether that is a turning point."""
+    """What bounds m motions on one side: ``x`` (m,) from their starts, and whether that is a turning point.
+
+    At a ``jump`` (m,) of g, not a number for none, they are thrown back, though they come there with a speed.
+    """
 
     x: np.ndarray
     turning: np.ndarray
+    jump: np.ndarray | float = np.nan
 
 
 def bounds(
@@ -236,7 +242,7 @@ def bounds(
     """
     slices = [slice(k, k + TOGETHER) for k in range(0, max(len(u0), 1), TOGETHER)]
     parts = [_bounds(potential, nodes, u0[part], squared[part], C[part], wall[part], sign) for part in slices]
-    return MotionBounds(np.concatenate([p.x for p in parts]), np.concatenate([p.turning for p in parts]))
+    return MotionBounds(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(MotionBounds)))
 
 
 def _bounds(
@@ -259,8 +265,23 @@ def _bounds(
     low, high = sign * before[looked_for], sign * beyond[looked_for]
     x[looked_for] = sign * potential.zero(u0[looked_for], squared[looked_for], C[looked_for], low, high)
     x[at_once] = 0.0
-    turning = (found | at_once) & (x < wall)
-    return MotionBounds(sign * np.where(turning, x, np.minimum(x, wall)), turning)
+    jump, some = np.full(len(u0), np.nan), np.flatnonzero(found & ~at_once)
+    jump[some] = _at_jumps(potential, u0[some], x[some], sign)
+    x = np.where(np.isnan(jump), x, sign * (jump - u0))
+    turning = (found | at_once) & np.isnan(jump) & (x < wall)
+    return MotionBounds(sign * np.where(turning, x, np.minimum(x, wall)), turning, np.where(x < wall, jump, np.nan))
+
+
+def _at_jumps(potential: Potential, u0: np.ndarray, x: np.ndarray, sign: int) -> np.ndarray:
+    """The jumps of g (m,) at which motions from ``u0`` (m,) turn back ``x`` (m,) away; not numbers for other places."""
+    sides = sign * potential.jumps[::sign, ::sign]
+    if len(sides) == 0:
+        return np.full(len(u0), np.nan)
+    place = sign * u0 + x
+    room = AT_JUMP * np.maximum(np.abs(place), np.abs(u0))
+    number = np.minimum(np.searchsorted(sides[:, 1], place - room), len(sides) - 1)
+    near, far = sides[number].T
+    return np.where((near - room <= place) & (place <= far + room), sign * near, np.nan)
 
 
 def _brackets(

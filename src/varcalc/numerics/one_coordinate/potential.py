@@ -145,6 +145,11 @@ class Potential(ABC):
         return _NONE
 
     @property
+    def jumps(self) -> np.ndarray:
+        """Where g jumps: the last place before each and the first beyond (k, 2), ascending; the former are stops."""
+        return _NONE.reshape(0, 2)
+
+    @property
     def gentle(self) -> np.ndarray:
         """Places (k,), ascending, between which g varies gently.
 
@@ -209,7 +214,7 @@ class Potential(ABC):
         self, first: np.ndarray, last: np.ndarray, low: np.ndarray, high: np.ndarray, size: np.ndarray
     ) -> PotentialNodes:
         u = self._places(first, last, low, high, size)
-        stops = self.stops
+        stops = np.append(self.stops, self.jumps)
         u = np.union1d(u, stops[(stops >= low.min()) & (stops <= high.max())])
         u, low_edge, high_edge = self._inside(u, first.min(), last.max())
         u = np.union1d(u, self.gentle[(self.gentle > u[0]) & (self.gentle < u[-1])])

@@ -22,7 +22,7 @@ from varcalc.optics.models.aimed import CARRIED_WELL, Carry, Told
 from varcalc.optics.models.constant_pull import ConstantPull
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.invariants import Invariants
-from varcalc.optics.models.jumps import jumping
+from varcalc.optics.models.jumps import placed
 from varcalc.optics.models.linear import is_linear
 from varcalc.optics.models.model import Builder, Model, Question, checked_model
 from varcalc.optics.models.quadratic_index import QuadraticIndex
@@ -514,8 +514,7 @@ class PairSearch:
             up = np.eye(dimension)[-1]
             if isinstance(medium, Graded):
                 medium, up = as_tilted_layers(medium, dimension) or (as_shells(medium, dimension) or medium, up)
-            reduced = isinstance(medium, Stratified | Tabulated | Radial)
-            if known is None and reduced and not jumping(medium, dimension):
+            if known is None and isinstance(medium, Stratified | Tabulated | Radial) and placed(medium):
                 known = RangeFunction(medium, up)
             self._complete[dimension] = known
         return self._complete[dimension]
@@ -534,7 +533,9 @@ class PairSearch:
             return carry
 
         # a table is stepped from height to height as it is, and other gradients keep no invariant
-        invariant = Invariants() if isinstance(self.compiled.media[0], Stratified | Radial) else None
+        jumps = isinstance(known, RangeFunction) and len(known.jumps) > 0
+        kept = isinstance(self.compiled.media[0], Stratified | Radial) and not jumps
+        invariant = Invariants() if kept else None
         careful = carried_by(invariant) if invariant else None
 
         def tell(told: Told) -> list[Ray]:

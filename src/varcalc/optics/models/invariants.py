@@ -82,7 +82,7 @@ class Invariants(Model):
     def between(self, question: Question) -> Rays | None:
         """See :meth:`Model.between`: by the range function, where there is one medium and no surface."""
         medium, a = question.media[0], question.a
-        if question.surfaces or medium.is_uniform or jumping(medium, len(a)):
+        if question.surfaces or not isinstance(medium, Stratified | Radial) or jumping(medium, len(a)):
             return None
         function = RangeFunction(medium, np.eye(len(a))[-1])
         a, b = a[None], question.b[None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -10,6 +10,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from varcalc.numerics.roots import edges
 from varcalc.optics.media.medium import Expression, Graded, Medium, Radial, Stratified, as_layers, switching
 from varcalc.optics.media.tabulated import Layers, Tabulated
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -78,7 +79,8 @@ def _placed(found_in: Sequence[Switch], u: Expression, far: float) -> np.ndarray
 def jumping(medium: Medium, dimension: int) -> bool:
     """Whether n² jumps: in layers and about a centre it is asked on both sides; elsewhere, whether it may is read."""
     if isinstance(medium, Stratified | Radial):
-        return _jumps(medium)
+        found = jumps_of(medium)
+        return found is None or len(found) > 0
     if isinstance(medium, Tabulated) or not switching(medium, dimension):
         return False
     position = ca.SX.sym("r", dimension)
@@ -87,23 +89,54 @@ def jumping(medium: Medium, dimension: int) -> bool:
     )
 
 
-def _jumps(medium: Stratified | Radial) -> bool:
+def jumps_of(medium: Stratified | Radial) -> np.ndarray | None:
+    """Where n² jumps (k, 2), in heights or in logarithms of radii, as :func:`jumps_in` tells."""
     u = ca.SX.sym("u")
     if isinstance(medium, Radial):
         g, far = replace(medium, center=None).squared_index(ca.vertcat(ca.exp(u), 0)), LOG_RADIUS_LIMIT
     else:
         g, far = medium.squared_index(ca.vertcat(0, u)), FARTHEST
-    found = _placed(switches([ca.SX(g)], [u]), u, far)  # tables are continuous
+    values = PointEvaluator(ca.Function("g", [u], [ca.SX(g)]))
+    return jumps_in(ca.SX(g), u, far, lambda at: values(len(at), at[:, None])[:, 0])
+
+
+def jumps_in(g: Expression, u: Expression, far: float, values: Callable[[np.ndarray], np.ndarray]) -> np.ndarray | None:
+    """Where an expression ``g`` of ``u`` jumps, up to ``far``: the last number before and the first beyond (k, 2).
+
+    That is told by the ``values`` of g at places (m,), as those who ask evaluate it. None where it switches at too
+    many places, and where on one side of such a place it is no number.
+    """
+    found = _placed(switches([g], [u]), u, far)  # tables are continuous
     if found is None:
-        return True
-    pieces = Sides.of(ca.SX(g), u)
+        return None
+    pieces, both = Sides.of(g, u), []
     for place in found:
-        sides = pieces.at(place + SIDE_OFFSET * max(1.0, abs(place)) * np.array([[-1.0], [1.0]]))
-        both = [PointEvaluator(ca.Function("g", [u], [pieces.piece(side).expression])) for side in sides]
-        below, above = (float(one(1, np.array([[place]]))[0, 0]) for one in both)
-        if not abs(above - below) <= INDEX_ROUND_OFF * abs(below):
-            return True
-    return False
+        around = place + SIDE_OFFSET * max(1.0, abs(place)) * np.array([[-1.0], [1.0]])
+        sides = [PointEvaluator(ca.Function("g", [u], [pieces.piece(side).expression])) for side in pieces.at(around)]
+        below, above = (float(one(1, np.array([[place]]))[0, 0]) for one in sides)
+        if abs(above - below) <= INDEX_ROUND_OFF * abs(below):
+            continue
+        if not np.isfinite(above - below):
+            return None
+
+        def before(at: np.ndarray, sides: list[PointEvaluator] = sides) -> np.ndarray:
+            here = values(at.ravel())
+            off = [np.abs(here - one(at.size, at.reshape(-1, 1))[:, 0]) for one in sides]
+            return (off[0] <= off[1]).reshape(at.shape)
+
+        both.append(np.concatenate(edges(before, *around)))
+    return np.array(both).reshape(-1, 2)
+
+
+def at_jumps(places: np.ndarray, jumps: np.ndarray) -> np.ndarray:
+    """Which of the ``places`` (k,) are at ``jumps`` (j, 2), all but for round-off of where they switch."""
+    room = SIDE_OFFSET * np.maximum(np.abs(places), 1.0)
+    return np.any(np.abs(places[:, None] - jumps[:, 0]) <= room[:, None], axis=1)
+
+
+def placed(medium: Stratified | Radial | Tabulated) -> bool:
+    """Whether all jumps of an index of one coordinate are known."""
+    return isinstance(medium, Tabulated) or jumps_of(medium) is not None
 
 
 @dataclass(frozen=True)

@@ -405,6 +405,7 @@ def _launched(
     with np.errstate(all="ignore"):
         path, off = path + c * short, short**2 * w / np.abs(rates)
         clear = known & ~touching & (np.abs(rates) * last > CLEAR * path)
+        clear &= len(passages.profile.jumps) == 0  # turning points do not tell what those do to neighbours
         # heights are told from the one end, to its round-off, where the path may grow fast at the other
         rounded = EPSILON * np.abs(passages.end - passages.start)[pair] * np.sqrt(root**2 + passages.higher[pair])
         off = np.where((noise < TOLD_WELL) & (off < TOLD_WELL * path), off + noise * path + rounded, np.inf)

@@ -7,6 +7,7 @@ point (rays can be gone along backwards).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,6 +24,8 @@ AT_A_TURN = 1e-13
 """Of the difference of two heights: so close to a turning point one is at it."""
 SAME_MINIMUM = 1e-15
 """Of g: minima that differ by less are one."""
+OTHER_SIDE = 1e-9
+"""Of g: a change that is farther off is told on the other side of a jump."""
 CLOSE_BY = 0.1
 """Of the difference of two heights: farther beyond the end, a turning point is told as well from the start."""
 DARK = 1e-6
@@ -190,6 +193,7 @@ class RayPassages:
         # round-off; elsewhere from the start, so that a turning point that is not well known is one and the same
         ahead = np.where(to > 0, above.x - x, x - below.x)
         beyond = np.where(ahead > CLOSE_BY * np.abs(x), ahead, beyond)
+        jumps = [np.where(to > 0, *sides) for sides in ((above.jump, below.jump), (below.jump, above.jump))]
         room = AT_A_TURN * np.abs(x)
         out[np.ix_(x == 0, [0, LAYERS])] = 0.0
         # where no turning point is near S, its ends are told better by their heights than on that motion
@@ -199,7 +203,7 @@ class RayPassages:
         with np.errstate(all="ignore"):  # where there is no passage, or it is not resolved, there is no number
             reaches = (below.x <= x + room) & (x - room <= above.x)
             for rows, way, _ in ways(self.profile, u0, to * w, below, above):
-                legs = _legs(way, to[rows], np.abs(x[rows]), beyond[rows])
+                legs = _legs(way, to[rows], np.abs(x[rows]), beyond[rows], [jump[rows] for jump in jumps])
                 alone = straight.take(rows), (np.zeros(len(rows)), np.abs(x[rows])), far[rows], 0
                 shared = [(way, leg, ~far[rows] | (k > 0), k) for k, leg in enumerate(legs)]
                 for motion, (low, high), own, k in (alone, *shared):
@@ -236,8 +240,13 @@ class RayPassages:
         at_rest = np.stack([~above & ~below, np.where(up, above, below), np.where(up, below, above)], axis=1)
         # the change of g is known to its own round-off, however small
         base = self.start[pair]
-        fallen = -self.profile(base, self.nodes.u[node] - base).gain / self.g[pair]
+        gain, told = self.profile(base, self.nodes.u[node] - base).gain, self.nodes.g[node] - self.g[pair]
+        # beside a jump round-off puts the place on either side
+        torn = np.abs(gain - told) > OTHER_SIDE * np.maximum(self.g[pair], np.abs(self.nodes.g[node]))
+        fallen = -np.where(torn, told, gain) / self.g[pair]
         mild = self._stops[node] & ~np.isin(node, self.nodes.upwards.turns)
+        # at a jump g is steep on either side, and motions do not rest there
+        mild |= np.isin(self.nodes.u[node], self.profile.jumps) & (self.profile.at(self.nodes.u[node])[1] != 0)
         return _padded(pair, fallen, mild, at_rest)
 
     def _rests(self, start: float, end: float, low: float, high: float) -> np.ndarray:
@@ -254,8 +263,8 @@ class RayPassages:
 
     @cached_property
     def _stops(self) -> np.ndarray:
-        """Which nodes are stops."""
-        return np.isin(self.nodes.u, self.profile.stops)
+        """Which nodes are stops, or at a jump."""
+        return np.isin(self.nodes.u, np.append(self.profile.stops, self.profile.jumps))
 
     @cached_property
     def _own(self) -> np.ndarray:
@@ -293,25 +302,30 @@ def _padded(
 
 
 def _legs(
-    way: CoordinateMotion, to: np.ndarray, x: np.ndarray, beyond: np.ndarray
+    way: CoordinateMotion, to: np.ndarray, x: np.ndarray, beyond: np.ndarray, jumps: Sequence[np.ndarray]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """From where to where S, U and D go, in the parameter of a way; not numbers where they do not exist.
 
-    The end is ``x`` (m,) from the start, on the side ``to``, and ``beyond`` (m,) before its turning point.
+    The end is ``x`` (m,) from the start, on the side ``to``, and ``beyond`` (m,) before its turning point. At the
+    ``jumps`` (m,), one beyond the end and one behind the start, motions are thrown back; not numbers for none.
     """
-    start, none = way.start, np.full(len(way.start), np.nan)
+    start, zero = way.start, np.zeros(len(way.start))
+    if isinstance(way, TwoTurns):
+        return _legs_between_turns(way, to > 0, x, beyond)
+    front, back = (way.height(jump[:, None])[:, 0] for jump in jumps)
     if isinstance(way, NoTurn):
-        return [(np.zeros(len(start)), x), (none, none), (none, none)]
-    if isinstance(way, OneTurn):
-        zero, ahead = np.zeros(len(start)), way.sign != to
-        q = np.where(x == 0, start, np.where(ahead, -np.sqrt(beyond), np.sqrt(start**2 + x)))
-        return [
-            (start, q),
-            (np.where(ahead, q, np.nan), np.where(ahead, zero, np.nan)),
-            (np.where(ahead, np.nan, zero), np.where(ahead, np.nan, start)),
-        ]
-    assert isinstance(way, TwoTurns)
-    up = to > 0
+        return [(zero, x), (x, front), (back, zero)]
+    assert isinstance(way, OneTurn)
+    ahead = way.sign != to
+    q = np.where(x == 0, start, np.where(ahead, -np.sqrt(beyond), np.sqrt(start**2 + x)))
+    return [(start, q), (q, np.where(ahead, zero, front)), (np.where(ahead, -back, zero), start)]
+
+
+def _legs_between_turns(
+    way: TwoTurns, up: np.ndarray, x: np.ndarray, beyond: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The same where motions go to and fro between two turning points; the end is above the start where ``up`` (m,)."""
+    start = way.start
     behind = way.span * np.where(up, np.sin(start / 2), np.cos(start / 2)) ** 2  # as precise as the start
     far, near = np.where(up, behind + x, beyond), np.where(up, beyond, behind + x)
     begin = np.abs(start)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 
 import numpy as np
 
 from varcalc.numerics.one_coordinate.quadrature import AGREED
-from varcalc.optics.media.medium import Medium, Radial
+from varcalc.optics.media.medium import Medium, Radial, Stratified
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.aimed import Aimed, Carry, Tell, Told
+from varcalc.optics.models.jumps import jumps_of
 from varcalc.optics.models.launches import Launch, Launches, launches, rounded_up
 from varcalc.optics.models.passage_tables import PassageTables
 from varcalc.optics.models.reduction import Profile, RayPotential
@@ -25,6 +27,8 @@ HALF_TURN = 1e-4
 """So close to half a turn about a centre, of one, rays in space are near a conjugate point."""
 ALONE = AGREED
 """Of an optical path: what it is claimed to where the passages that it is made of are all that tells it."""
+ON_JUMP = 1e-12
+"""Of a height or radius at which the index jumps: points so close to it are on neither side."""
 UNITS = 16.0
 """Units of length are its powers: questions near one share what stands for their rays."""
 FARTHEST_PATH = 1e13
@@ -42,16 +46,32 @@ class RangeFunction:
     ``up`` (d,) is the unit vector across layers, along which heights are measured.
     """
 
-    medium: Medium
+    medium: Stratified | Radial | Tabulated
     up: np.ndarray
     _profiles: dict[float, tuple[RayPotential, PassageTables]] = field(default_factory=dict, init=False, repr=False)
 
     def applies(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """True (q,) for points (q, d) that are not the centre, about which all turns."""
-        if not isinstance(self.medium, Radial):
-            return np.ones(len(a), dtype=bool)
-        middle = self.medium.middle(a.shape[1])
-        return np.any(a != middle, axis=1) & np.any(b != middle, axis=1)
+        """True (q,) for points (q, d) that are not the centre, about which all turns, and at no jump of the index."""
+        return self._off(a) & self._off(b)
+
+    def _off(self, points: np.ndarray) -> np.ndarray:
+        if isinstance(self.medium, Radial):
+            radii = np.linalg.norm(points - self.medium.middle(points.shape[1]), axis=1)
+            with np.errstate(divide="ignore"):
+                return (radii > 0) & self._beside_jumps(np.log(radii))
+        return self._beside_jumps(points @ self.up)
+
+    def _beside_jumps(self, heights: np.ndarray) -> np.ndarray:
+        """True (q,) for heights (q,) at no jump."""
+        own = self.jumps[:, 0]
+        size = np.ones(len(own)) if isinstance(self.medium, Radial) else np.abs(own)
+        return np.all(np.abs(heights[:, None] - own) > ON_JUMP * size, axis=1)
+
+    @cached_property
+    def jumps(self) -> np.ndarray:
+        """Where the index jumps (k, 2), in heights or logarithms of radii."""
+        found = None if isinstance(self.medium, Tabulated) else jumps_of(self.medium)
+        return np.zeros((0, 2)) if found is None else found
 
     def rays(
         self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, careful: Carry | None = None,

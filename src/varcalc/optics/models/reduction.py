@@ -27,7 +27,7 @@ from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.numerics.one_coordinate.potential import NOT_FOLLOWED, PLACES, Potential
 from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU
 from varcalc.optics.media.medium import Expression, Medium, Radial
-from varcalc.optics.models.jumps import LOG_RADIUS_LIMIT, CellsBetween, pieces
+from varcalc.optics.models.jumps import LOG_RADIUS_LIMIT, CellsBetween, at_jumps, jumps_in, pieces
 from varcalc.optics.rays.beam import Beam, frames
 from varcalc.symbolic.differences import carry, displaced, fixed
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
@@ -120,6 +120,7 @@ class Profile(RayPotential):
     _index: Columns = field(init=False, repr=False, compare=False)
     _stops: np.ndarray = field(init=False, repr=False, compare=False)
     _cells: CellsBetween = field(init=False, repr=False, compare=False)
+    _jumps: np.ndarray = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         u, base, x = ca.SX.sym("u"), ca.SX.sym("base"), ca.SX.sym("x")
@@ -138,13 +139,21 @@ class Profile(RayPotential):
         )
         for name, function in compiled:
             object.__setattr__(self, name, PointEvaluator(function).columns)
-        object.__setattr__(self, "_stops", stops)
         object.__setattr__(self, "_cells", cells)
+        jumps = jumps_in(ca.SX(self._squared(u)), u, far, lambda at: self.at(at)[0])
+        jumps = np.zeros((0, 2)) if jumps is None else jumps
+        object.__setattr__(self, "_jumps", jumps)
+        object.__setattr__(self, "_stops", np.union1d(stops[~at_jumps(stops, jumps)], jumps[:, 0]))
 
     @property
     def stops(self) -> np.ndarray:
         """See :meth:`Potential.stops`."""
         return self._stops
+
+    @property
+    def jumps(self) -> np.ndarray:
+        """See :meth:`Potential.jumps`."""
+        return self._jumps
 
     @property
     def gentle(self) -> np.ndarray:

@@ -1,0 +1,146 @@
+"""All rays through an index that is constant in shells or layers, against Bouguer's and Snell's laws in closed form."""
+
+import itertools
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from varcalc import optics
+
+ANGLES, BISECTIONS = 400, 60
+
+
+def stepped(edges, index):
+    """The index as a function of the coordinate."""
+
+    def n(u):
+        value = index[-1]
+        for edge, below in zip(edges[::-1], index[-2::-1], strict=True):
+            value = ca.if_else(u < edge, below, value)
+        return value
+
+    return n
+
+
+class Layers:
+    """How far along, and on which optical path, rays of the invariant c go between two heights of one layer."""
+
+    lowest = -np.inf
+
+    def least(self, n, c):
+        return -np.inf
+
+    def size(self, n, u):
+        return n
+
+    def between(self, n, c, u, v):
+        height, speed = abs(v - u), np.sqrt(n**2 - c**2)
+        return np.array([c * height / speed, n**2 * height / speed])
+
+
+class Shells:
+    """The same about a centre, with angles for lengths."""
+
+    lowest = 0.0
+
+    def least(self, n, c):
+        return c / n
+
+    def size(self, n, u):
+        return n * u
+
+    def between(self, n, c, u, v):
+        nearest = c / n
+        chords = [np.sqrt((r - nearest) * (r + nearest)) for r in (min(u, v), max(u, v))]
+        angles = np.arctan2(chords, nearest)
+        return np.array([angles[1] - angles[0], n * (chords[1] - chords[0])])
+
+
+def passages(kind, edges, index, ends, c, way, within):
+    """What a ray has come along, and its optical path, whenever it comes to the second height."""
+    walls, (u, there), out, sums = np.array([kind.lowest, *edges, np.inf]), ends, [], np.zeros(2)
+    k = np.searchsorted(edges, u)
+    while sums[1] <= within:
+        turn = kind.least(index[k], c)
+        to = walls[k + 1] if way > 0 else max(walls[k], turn)
+        if min(u, to) <= there <= max(u, to) and there != u:
+            out.append(sums + kind.between(index[k], c, u, there))
+        if np.isinf(to):
+            break
+        sums, u = sums + kind.between(index[k], c, u, to), to
+        if (way < 0 and turn == to) or c >= kind.size(index[k + way], u):
+            way = -way
+        else:
+            k += way
+    return out
+
+
+def all_rays(kind, edges, index, ends, distances, within):
+    """The optical paths of the rays that come as far as is asked for, between the invariants at which rays part."""
+    home = index[np.searchsorted(edges, ends[0])]
+    most = kind.size(home, ends[0])
+    parts = [kind.size(n, edge) for k, edge in enumerate(edges) for n in index[k : k + 2]]
+    parts = np.unique([0.0, most, *(c for c in parts if c < most)])
+    found = []
+    for way in (-1, 1):
+        for low, high in itertools.pairwise(parts):
+            share = (1 - np.cos(np.pi * np.linspace(0, 1, ANGLES))) / 2
+            cs = low + (high - low) * (1e-11 + (1 - 2e-11) * share)
+            came = [passages(kind, edges, index, ends, c, way, within) for c in cs]
+            for k, distance in [(k, d) for k in range(max(map(len, came))) for d in distances]:
+                off = np.array([own[k][0] - distance if len(own) > k else np.nan for own in came])
+                for j in np.flatnonzero(off[1:] * off[:-1] < 0):
+                    a, b = cs[j], cs[j + 1]
+                    for _ in range(BISECTIONS):
+                        own = passages(kind, edges, index, ends, (a + b) / 2, way, within)[k:]
+                        a, b = ((a + b) / 2, b) if own and (own[0][0] - distance) * off[j] > 0 else (a, (a + b) / 2)
+                    if own and abs(own[0][0] - distance) < 1e-8 and own[0][1] <= within:
+                        found.append(own[0][1])
+    return np.sort(found)
+
+
+def drawn(seed, low):
+    """Edges, the index between them, two heights, how far apart they are, and an optical path."""
+    rng = np.random.default_rng([19, seed])
+    edges = np.sort(rng.uniform(low, 1.0, 1 + seed % 3))
+    return edges, rng.uniform(1, 2, len(edges) + 1), rng.uniform(low, 1.2, 2), rng.uniform(0.4, 3.0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_all_rays_about_a_centre_with_jumps_are_found(seed):
+    edges, index, radii, angle = drawn(seed, 0.25)
+    a, b = (radii[0], 0.0), (radii[1] * np.cos(angle), radii[1] * np.sin(angle))
+    rays = optics.Scene(optics.Radial(stepped(edges, index))).rays(a, b, within=5.0)
+    around = [angle, 2 * np.pi - angle, 2 * np.pi + angle, 4 * np.pi - angle, 4 * np.pi + angle]
+    known = all_rays(Shells(), edges, index, radii, around, 5.0)
+    assert rays.unresolved == 0
+    np.testing.assert_allclose([ray.optical_path for ray in rays], known, rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_all_rays_of_layers_with_jumps_are_found(seed, dimension):
+    edges, index, heights, distance = drawn(seed, -1.0)
+    flat = np.array([distance]) if dimension == 2 else distance * np.array([0.6, 0.8])
+    a, b = np.append(0 * flat, heights[0]), np.append(flat, heights[1])
+    within = 4.0 * np.linalg.norm(b - a)
+    rays = optics.Scene(optics.Stratified(stepped(edges, index))).rays(a, b, within=within)
+    known = all_rays(Layers(), edges, index, heights, [distance], within)
+    assert rays.unresolved == 0
+    np.testing.assert_allclose([ray.optical_path for ray in rays], known, rtol=1e-12)
+
+
+@pytest.mark.parametrize("impact", [0.02, 0.1, 0.3, 0.45])
+def test_a_ray_through_a_core_is_refracted_at_its_rim(impact):
+    core, n, start, path = 0.5, 1.6, 1.3, 4.0
+    scene = optics.Scene(optics.Radial(lambda r: ca.if_else(r < core, n, 1.0)))
+    heading = (-np.sqrt(1 - (impact / start) ** 2), impact / start)
+    bundle = scene.trace((start, 0), heading, optical_path=path)
+    outside, inside = (np.sqrt(r**2 - impact**2) for r in (start, core))
+    beyond = path - (outside - inside) - 2 * n * np.sqrt(core**2 - (impact / n) ** 2)  # behind the core
+    last = np.hypot(impact, inside + beyond)
+    at = [np.arccos(impact / r) for r in (start, core, n * core, last)]
+    angle = (at[0] - at[1]) + 2 * at[2] + (at[3] - at[1])
+    assert bundle.arrived.all()
+    np.testing.assert_allclose(bundle.points[0], last * np.array([np.cos(angle), np.sin(angle)]), atol=1e-14)
