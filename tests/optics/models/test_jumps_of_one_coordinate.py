@@ -144,3 +144,22 @@ def test_a_ray_through_a_core_is_refracted_at_its_rim(impact):
     angle = (at[0] - at[1]) + 2 * at[2] + (at[3] - at[1])
     assert bundle.arrived.all()
     np.testing.assert_allclose(bundle.points[0], last * np.array([np.cos(angle), np.sin(angle)]), atol=1e-14)
+
+
+@pytest.mark.parametrize("rim", [0.2, 0.46])
+def test_a_formula_that_is_no_number_beyond_its_jump_is_told_as_well_from_beyond(rim):
+    # rays can be gone along backwards, and seen from the far point the root inside the rim is no number
+    lens = optics.Scene(optics.Radial(lambda r: ca.if_else(r < 1, ca.sqrt(2 + rim - r**2), 1.0)))
+    near, far = (-0.21, 1.07), (1.4, -1.5)
+    there, back = lens.rays(near, far, within=11.0), lens.rays(far, near, within=11.0)
+    assert there.unresolved == back.unresolved == 0
+    np.testing.assert_allclose([r.optical_path for r in there], [r.optical_path for r in back], rtol=1e-12)
+
+
+def test_layers_told_beside_the_angle_at_which_they_open_are_resolved():
+    # round-off decides on which side of the jump a ray is that all but grazes the layer behind it
+    edges, index = [-0.9956, -0.8445, -0.536], [1.15, 1.857, 1.3963, 1.866]
+    rays = optics.Scene(optics.Stratified(stepped(edges, index))).rays((0, 0.878), (2.0, -0.2063), within=5.0)
+    known = all_rays(Layers(), edges, index, (0.878, -0.2063), [2.0], 5.0)
+    assert rays.unresolved == 0
+    np.testing.assert_allclose([ray.optical_path for ray in rays], known, rtol=1e-12)

@@ -23,6 +23,8 @@ HEIGHT_ROUND_OFF = 64 * float(np.finfo(float).eps)
 """Of a height: by how much more a turning point is not off."""
 KNOWN = 1e-2
 """Of the change of g over a height: what is left of it has so many digits more than the height."""
+OTHER_SIDE = 1e-9
+"""Of g: values that differ by more are told on the two sides of a jump."""
 AT_JUMP = 8 * float(np.finfo(float).eps)
 """Of a place, and of the start: what is so close to a jump of g is at it."""
 LEVEL = 1e-3
@@ -300,7 +302,9 @@ def _brackets(
     left = PotentialValues(g, g, g - start[:, None], g).above(C[:, None], squared[:, None])
     slack = DOUBTFUL * np.maximum(C, np.abs(start))
     doubtful, turn = np.nonzero(np.abs(left) <= slack[:, None])
-    left[doubtful, turn] = potential(u0[doubtful], sign * away[doubtful, turn]).above(C[doubtful], squared[doubtful])
+    left[doubtful, turn] = _left_at(
+        potential(u0[doubtful], sign * away[doubtful, turn]), g[doubtful, turn], C[doubtful], squared[doubtful]
+    )
     stopped = (away > 0) & (left <= 0)
     first = np.argmax(stopped, axis=1)
     previous = np.where((first > 0) & (away[row, np.maximum(first - 1, 0)] > 0), turns[np.maximum(first - 1, 0)], -1)
@@ -308,6 +312,14 @@ def _brackets(
     upper = np.minimum(nodes.first_below(begin, C - slack), turns[first])
     lower = np.minimum(nodes.first_below(begin, C + slack), upper) - 1
     return away[:, -1], np.any(stopped, axis=1), np.where(lower >= begin, lower, previous), upper
+
+
+def _left_at(values: PotentialValues, g: np.ndarray, C: np.ndarray, squared: np.ndarray) -> np.ndarray:
+    """g - C (m,) at nodes where there is ``g`` (m,), from the change up to there but beside a jump.
+
+    There the place may come out on its other side for round-off.
+    """
+    return np.where(np.abs(values.g - g) > OTHER_SIDE * np.abs(g), g - C, values.above(C, squared))
 
 
 def _turn(potential: Potential, u0: np.ndarray, w0: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

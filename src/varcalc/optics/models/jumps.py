@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -10,7 +10,6 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from varcalc.numerics.roots import edges
 from varcalc.optics.media.medium import Expression, Graded, Medium, Radial, Stratified, as_layers, switching
 from varcalc.optics.media.tabulated import Layers, Tabulated
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -27,6 +26,8 @@ JUST_OUTSIDE = 8 * float(np.finfo(float).eps)
 """Of the largest knot of a table: who is so little outside it is at its end."""
 SAME_SLOPE = 1e-9
 """Of n² on both sides of a knot: where slopes differ by less there is no kink."""
+OUTSIDE = 1e-3
+"""Of a place, and of one: so far outside the outermost switches it is asked what an expression is there."""
 SIDE_OFFSET, INDEX_ROUND_OFF = 1e-9, 1e-11
 """Of a place: how far beside it its sides are told; and of n², what is round-off."""
 
@@ -90,26 +91,25 @@ def jumping(medium: Medium, dimension: int) -> bool:
 
 
 def jumps_of(medium: Stratified | Radial) -> np.ndarray | None:
-    """Where n² jumps (k, 2), in heights or in logarithms of radii, as :func:`jumps_in` tells."""
+    """Where n² jumps (k,), in heights or in logarithms of radii, as :func:`jumps_in` tells; None in tables, too."""
     u = ca.SX.sym("u")
     if isinstance(medium, Radial):
         g, far = replace(medium, center=None).squared_index(ca.vertcat(ca.exp(u), 0)), LOG_RADIUS_LIMIT
     else:
         g, far = medium.squared_index(ca.vertcat(0, u)), FARTHEST
-    values = PointEvaluator(ca.Function("g", [u], [ca.SX(g)]))
-    return jumps_in(ca.SX(g), u, far, lambda at: values(len(at), at[:, None])[:, 0])
+    found = jumps_in(ca.SX(g), u, far)
+    return None if found is not None and len(found) and tables(ca.SX(g), u) else found
 
 
-def jumps_in(g: Expression, u: Expression, far: float, values: Callable[[np.ndarray], np.ndarray]) -> np.ndarray | None:
-    """Where an expression ``g`` of ``u`` jumps, up to ``far``: the last number before and the first beyond (k, 2).
+def jumps_in(g: Expression, u: Expression, far: float) -> np.ndarray | None:
+    """The places (k,), ascending, at which an expression ``g`` of ``u`` jumps, up to ``far``.
 
-    That is told by the ``values`` of g at places (m,), as those who ask evaluate it. None where it switches at too
-    many places, and where on one side of such a place it is no number.
+    None where it switches at too many places, and where on one side of such a place it is no number.
     """
     found = _placed(switches([g], [u]), u, far)  # tables are continuous
     if found is None:
         return None
-    pieces, both = Sides.of(g, u), []
+    pieces, out = Sides.of(g, u), []
     for place in found:
         around = place + SIDE_OFFSET * max(1.0, abs(place)) * np.array([[-1.0], [1.0]])
         sides = [PointEvaluator(ca.Function("g", [u], [pieces.piece(side).expression])) for side in pieces.at(around)]
@@ -118,20 +118,8 @@ def jumps_in(g: Expression, u: Expression, far: float, values: Callable[[np.ndar
             continue
         if not np.isfinite(above - below):
             return None
-
-        def before(at: np.ndarray, sides: list[PointEvaluator] = sides) -> np.ndarray:
-            here = values(at.ravel())
-            off = [np.abs(here - one(at.size, at.reshape(-1, 1))[:, 0]) for one in sides]
-            return (off[0] <= off[1]).reshape(at.shape)
-
-        both.append(np.concatenate(edges(before, *around)))
-    return np.array(both).reshape(-1, 2)
-
-
-def at_jumps(places: np.ndarray, jumps: np.ndarray) -> np.ndarray:
-    """Which of the ``places`` (k,) are at ``jumps`` (j, 2), all but for round-off of where they switch."""
-    room = SIDE_OFFSET * np.maximum(np.abs(places), 1.0)
-    return np.any(np.abs(places[:, None] - jumps[:, 0]) <= room[:, None], axis=1)
+        out.append(place)
+    return np.array(out)
 
 
 def placed(medium: Stratified | Radial | Tabulated) -> bool:
@@ -190,6 +178,23 @@ def pieces(whole: Expression, u: Expression, far: float) -> tuple[np.ndarray, Ce
     written = in_cells(whole, u)
     constants = written.at((around[1:] + around[:-1])[:, None] / 2)
     return np.union1d(switched, edges), CellsBetween(written, edges, constants)
+
+
+@dataclass(frozen=True)
+class SwitchedFormula:
+    """What an expression is from one place at which it switches to the next, and a place in it, ``probe``."""
+
+    expression: Expression
+    probe: float
+
+
+def switched_pieces(whole: Expression, u: Expression, ends: np.ndarray) -> list[SwitchedFormula]:
+    """The pieces (k + 1) of an expression of ``u``, which switches at ``ends`` (k,) alone."""
+    sides, far = Sides.of(whole, u), np.maximum(1.0, np.abs(ends))
+    inner = (ends[1:] + ends[:-1]) / 2
+    places = np.concatenate([ends[:1] - OUTSIDE * far[:1], inner, ends[-1:] + OUTSIDE * far[-1:]])
+    found = [sides.piece(side).expression for side in sides.at(places[:, None])]
+    return [SwitchedFormula(expression, float(place)) for expression, place in zip(found, places, strict=True)]
 
 
 @dataclass(frozen=True)

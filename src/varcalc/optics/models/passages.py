@@ -13,7 +13,15 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion, NoTurn, OneTurn, TwoTurns, bounds, ways
+from varcalc.numerics.one_coordinate.motions import (
+    OTHER_SIDE,
+    CoordinateMotion,
+    NoTurn,
+    OneTurn,
+    TwoTurns,
+    bounds,
+    ways,
+)
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import AGREED, TAU, integrals
 from varcalc.optics.models.reduction import PATH, RayPotential
@@ -24,8 +32,6 @@ AT_A_TURN = 1e-13
 """Of the difference of two heights: so close to a turning point one is at it."""
 SAME_MINIMUM = 1e-15
 """Of g: minima that differ by less are one."""
-OTHER_SIDE = 1e-9
-"""Of g: a change that is farther off is told on the other side of a jump."""
 CLOSE_BY = 0.1
 """Of the difference of two heights: farther beyond the end, a turning point is told as well from the start."""
 DARK = 1e-6

@@ -63,15 +63,14 @@ class RangeFunction:
 
     def _beside_jumps(self, heights: np.ndarray) -> np.ndarray:
         """True (q,) for heights (q,) at no jump."""
-        own = self.jumps[:, 0]
-        size = np.ones(len(own)) if isinstance(self.medium, Radial) else np.abs(own)
-        return np.all(np.abs(heights[:, None] - own) > ON_JUMP * size, axis=1)
+        size = np.ones(len(self.jumps)) if isinstance(self.medium, Radial) else np.abs(self.jumps)
+        return np.all(np.abs(heights[:, None] - self.jumps) > ON_JUMP * size, axis=1)
 
     @cached_property
     def jumps(self) -> np.ndarray:
-        """Where the index jumps (k, 2), in heights or logarithms of radii."""
+        """Where the index jumps (k,), in heights or logarithms of radii."""
         found = None if isinstance(self.medium, Tabulated) else jumps_of(self.medium)
-        return np.zeros((0, 2)) if found is None else found
+        return np.zeros(0) if found is None else found
 
     def rays(
         self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, careful: Carry | None = None,

@@ -16,9 +16,10 @@ start of the motion, the others are carried along in closed form.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
@@ -27,7 +28,14 @@ from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.numerics.one_coordinate.potential import NOT_FOLLOWED, PLACES, Potential
 from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU
 from varcalc.optics.media.medium import Expression, Medium, Radial
-from varcalc.optics.models.jumps import LOG_RADIUS_LIMIT, CellsBetween, at_jumps, jumps_in, pieces
+from varcalc.optics.models.jumps import (
+    LOG_RADIUS_LIMIT,
+    CellsBetween,
+    SwitchedFormula,
+    jumps_in,
+    pieces,
+    switched_pieces,
+)
 from varcalc.optics.rays.beam import Beam, frames
 from varcalc.symbolic.differences import carry, displaced, fixed
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
@@ -45,6 +53,10 @@ DARK_MINIMUM, FEW_MINIMA = 1e-25, 32
 """Of g: where it comes down to less no ray goes on; and how many of the next minima are looked at for that."""
 LEAST_ANGULAR_MOMENTUM = 1e-140
 """Of n r: a ray through the centre is the limit of rays past it."""
+
+
+NO_CONSTANTS = ca.SX(0, 1)
+_NONE = np.zeros(0)
 
 
 class RayPotential(Potential):
@@ -101,6 +113,32 @@ class RayPotential(Potential):
 
 
 @dataclass(frozen=True)
+class ProfilePart:
+    """One formula of g: g, its slope and n at places, and the changes of the first two from one place to another.
+
+    Both take the constants of a table's cell last.
+    """
+
+    index: Columns
+    changes: Columns
+
+    @classmethod
+    def of(
+        cls, piece: SwitchedFormula, u: Expression, constants: Expression = NO_CONSTANTS, probes: Sequence[float] = ()
+    ) -> Self:
+        """Compiled of g and n at ``u``; ``probes`` are the constants at the probe of the piece."""
+        base, x = ca.SX.sym("base"), ca.SX.sym("x")
+        g, index = piece.expression.elements()
+        slope = ca.densify(ca.gradient(g, u))
+        same = [fixed(symbol, probe) for symbol, probe in zip(constants.elements(), probes, strict=True)]
+        values = ca.Function("g", [u, *constants.elements()], [g, slope])
+        changes = [one.change for one in carry(values, [displaced(base, x, piece.probe), *same])]
+        there = ca.Function("index", [u, constants], [g, slope, index])
+        between = ca.Function("changes", [base, x, constants], changes)
+        return cls(*(PointEvaluator(function).columns for function in (there, between)))
+
+
+@dataclass(frozen=True)
 class Profile(RayPotential):
     """g of one medium, about ``unit``: the radius u is measured from, or any height in layers.
 
@@ -116,34 +154,32 @@ class Profile(RayPotential):
     medium: Medium
     unit: float
     probe: float
-    _changes: Columns = field(init=False, repr=False, compare=False)
-    _index: Columns = field(init=False, repr=False, compare=False)
+    _parts: list[ProfilePart] = field(init=False, repr=False, compare=False)
+    _ends: np.ndarray = field(init=False, repr=False, compare=False)
     _stops: np.ndarray = field(init=False, repr=False, compare=False)
     _cells: CellsBetween = field(init=False, repr=False, compare=False)
     _jumps: np.ndarray = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        u, base, x = ca.SX.sym("u"), ca.SX.sym("base"), ca.SX.sym("x")
+        u = ca.SX.sym("u")
         far = LOG_RADIUS_LIMIT if self.about_centre else NOT_FOLLOWED * max(1.0, abs(self.probe))
         whole = ca.vertcat(self._squared(u), ca.SX(self._plain.index(self._position(u))))
         stops, cells = pieces(whole, u, far)
-        g, index = cells.written.expression.elements()
-        slope, constants = ca.densify(ca.gradient(g, u)), cells.written.constants
-        probes = cells.constants[cells.of(np.array(self.probe))].tolist()
-        same = [fixed(symbol, probe) for symbol, probe in zip(constants.elements(), probes, strict=True)]
-        values = ca.Function("g", [u, *constants.elements()], [g, slope])
-        changes = [one.change for one in carry(values, [displaced(base, x, self.probe), *same])]
-        compiled = (
-            ("_changes", ca.Function("changes", [base, x, constants], changes)),
-            ("_index", ca.Function("index", [u, constants], [g, slope, index])),
-        )
-        for name, function in compiled:
-            object.__setattr__(self, name, PointEvaluator(function).columns)
-        object.__setattr__(self, "_cells", cells)
-        jumps = jumps_in(ca.SX(self._squared(u)), u, far, lambda at: self.at(at)[0])
-        jumps = np.zeros((0, 2)) if jumps is None else jumps
-        object.__setattr__(self, "_jumps", jumps)
-        object.__setattr__(self, "_stops", np.union1d(stops[~at_jumps(stops, jumps)], jumps[:, 0]))
+        jumps = jumps_in(ca.SX(self._squared(u)), u, far)
+        if jumps is None or len(cells.edges):
+            jumps = _NONE
+        ends = stops if len(jumps) else _NONE
+        if len(ends):
+            parts = [ProfilePart.of(formula, u) for formula in switched_pieces(whole, u, ends)]
+        else:
+            probes = cells.constants[cells.of(np.array(self.probe))].tolist()
+            formula = SwitchedFormula(cells.written.expression, self.probe)
+            parts = [ProfilePart.of(formula, u, cells.written.constants, probes)]
+        below = ends[[int(np.argmin(np.abs(ends - place))) for place in jumps]]  # the same to round-off
+        sides = np.column_stack([below, np.nextafter(below, np.inf)])
+        own = {"_parts": parts, "_ends": ends, "_stops": stops, "_cells": cells, "_jumps": sides}
+        for name, value in own.items():
+            object.__setattr__(self, name, value)
 
     @property
     def stops(self) -> np.ndarray:
@@ -191,13 +227,44 @@ class Profile(RayPotential):
 
     def _table(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g, its slope and n at u; g is not a number where there is no index."""
-        g, slope, n = (_shaped(c, np.shape(u)) for c in self._index(u, self._cells.columns(self._cells.of(u))))
-        return g, slope, n
+        return self._there(u, self._cell(u))
+
+    def _cell(self, u: np.ndarray) -> np.ndarray:
+        """The cells of tables, or the pieces between switches, in which places are; on a switch, the one below."""
+        return np.searchsorted(self._ends, u, "left") if len(self._ends) else self._cells.of(u)
+
+    def _there(self, u: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """g, its slope and n at u by the formula of a cell."""
+        if not len(self._ends):
+            g, slope, n = (_shaped(c, np.shape(u)) for c in self._parts[0].index(u, self._cells.columns(cell)))
+            return g, slope, n
+        out = np.empty((3, *np.shape(u)))
+        for number in np.unique(cell):
+            own = cell == number
+            for row, column in enumerate(self._parts[number].index(u[own], [])):
+                out[row][own] = column
+        return out[0], out[1], out[2]
+
+    def _by_formula(self, base: np.ndarray, x: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The changes of g and its slope from ``base`` over ``x`` by the formula of a cell."""
+        if not len(self._ends):
+            gain, bend = (_shaped(c, np.shape(x)) for c in self._parts[0].changes(base, x, self._cells.columns(cell)))
+            return gain, bend
+        out, base, cell = (
+            np.empty((2, *np.shape(x))),
+            np.broadcast_to(base, np.shape(x)),
+            np.broadcast_to(cell, np.shape(x)),
+        )
+        for number in np.unique(cell):
+            own = cell == number
+            for row, column in enumerate(self._parts[number].changes(base[own], x[own], [])):
+                out[row][own] = column
+        return out[0], out[1]
 
     def changes(self, base: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`Potential.changes`: through the knots of tables that lie between, cell by cell."""
-        first, last = self._cells.of(base), self._cells.of(base + x)
-        gain, bend = (_shaped(c, np.shape(x)) for c in self._changes(base, x, self._cells.columns(first)))
+        """See :meth:`Potential.changes`: through the knots of tables, and switches, that lie between, cell by cell."""
+        first, last = self._cell(base), self._cell(base + x)
+        gain, bend = self._by_formula(base, x, first)
         if np.all(first == last):
             return gain, bend
         gain, bend, first, last, base, x = (np.array(a) for a in np.broadcast_arrays(gain, bend, first, last, base, x))
@@ -209,21 +276,22 @@ class Profile(RayPotential):
         self, first: np.ndarray, last: np.ndarray, base: np.ndarray, x: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """The changes from ``base`` in the cells ``first`` over ``x`` into the cells ``last``."""
-        cells, up = self._cells, first < last
+        edges = self._ends if len(self._ends) else self._cells.edges
+        up = first < last
         leave, enter = np.where(up, first, first - 1), np.where(up, last - 1, last)
-        to_leave = cells.edges[leave] - base
+        to_leave = edges[leave] - base
         # what is left of x is told from x, which may be far smaller than the place
-        rest = (x - to_leave) - (cells.edges[enter] - cells.edges[leave])
-        old, new = (cells.columns(cell) for cell in (first, last))
-        out, back = self._changes(base, to_leave, old), self._changes(cells.edges[enter], rest, new)
-        left, entered = self._index(cells.edges[leave], old), self._index(cells.edges[enter], new)
+        rest = (x - to_leave) - (edges[enter] - edges[leave])
+        out, back = self._by_formula(base, to_leave, first), self._by_formula(edges[enter], rest, last)
+        left, entered = self._there(edges[leave], first), self._there(edges[enter], last)
         gain, bend = (out[k] + (entered[k] - left[k]) + back[k] for k in range(2))
         return gain, bend
 
     def sound(self, u: np.ndarray) -> np.ndarray:
         """True where g is a number and n not negative; where n² is negative rays turn before."""
         g, slope, n = self._table(u)
-        return np.isfinite(g) & np.isfinite(slope) & ~(n < 0) & self._cells.inside(u)
+        known = len(self._ends) > 0 or self._cells.inside(u)
+        return np.isfinite(g) & np.isfinite(slope) & ~(n < 0) & known
 
     def sigma_rate(self, u: np.ndarray) -> np.ndarray:
         """See :meth:`RayPotential.sigma_rate`: r² about a centre."""
