@@ -142,7 +142,8 @@ class Estimate(NewtonEstimate):
     """The errors of a rung.
 
     ``system`` is the richer space, with the rung's curve ``z``, its evaluation ``at``
-    and the Newton ``step`` there (None when it was solved instead); ``shares`` each element's part in the correction.
+    and the Newton ``step`` there; ``shares`` each element's part in the correction. Where it was solved
+    instead there is no step, ``z`` is the curve of that minimum, and ``solved`` all that is known of it.
     """
 
     system: RitzSystem
@@ -150,6 +151,7 @@ class Estimate(NewtonEstimate):
     at: Evaluation
     step: Step | None
     shares: np.ndarray
+    solved: Rung | None = None
 
     @property
     def suspect(self) -> bool:
@@ -261,7 +263,7 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
         curve = max(curve, largest * min(error / scale, 1.0) ** (2 / 3))
     found = replace(found, value=value, error=error, scale=scale, curve=curve)
     shares = _shares(rungs, system, richer.z - z)
-    return Estimate(**vars(found), system=system, z=richer.z, at=at, step=None, shares=shares)
+    return Estimate(**vars(found), system=system, z=richer.z, at=at, step=None, shares=shares, solved=richer)
 
 
 def settled(found: Estimate) -> Estimate | str:

@@ -495,6 +495,8 @@ class _Climb:
         if (stalled or kinked) and space.degree >= self.split_degree:
             system, z = self.bisected(rung, found.shares)
             following = self.rungs.optimise(system, z, rung.multipliers)
+        elif found.solved is not None:
+            return found.solved
         else:
             # a shifted step may leap into another basin; only a true Newton step is taken whole
             whole = found.step is not None and found.step.definite
