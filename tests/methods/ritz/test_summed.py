@@ -75,16 +75,24 @@ CONSTRAINED = {
 
 
 @pytest.mark.parametrize("name", CONSTRAINED)
-def test_the_hessian_of_the_lagrangian_is_that_of_the_whole_program(name):
+def test_the_derivatives_are_those_of_the_whole_program(name):
     form = formulate(CONSTRAINED[name])
     space = Space(np.linspace(*form.span, 4), 5, form.n, form.order, periodic=form.ends.periodic)
     system = RitzSystem(form, space, 9)
     z = 1.2 + 0.2 * np.sin(1 + np.arange(system.size))
     program = program_of(system, z, 1 + 0.1 * np.arange(system.size), 3.0)
+    options, rows = program.derivatives.options(program.count), ca.vertcat(*program.rows)
     factor, multipliers = ca.MX.sym("factor"), ca.MX.sym("multipliers", program.count)
-    lagrangian = factor * program.objective + ca.dot(multipliers, ca.vertcat(*program.rows))
-    whole = ca.Function("whole", [program.w, factor, multipliers], [ca.hessian(lagrangian, program.w)[0]])
+    hessian = ca.hessian(factor * program.objective + ca.dot(multipliers, rows), program.w)[0]
     at = np.cos(2 + np.arange(program.count))
-    expected = np.triu(np.asarray(whole(z, 2.0, at)))
-    found = np.asarray(program.curvature.function(program.count)(z, [], 2.0, at))
-    np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12 * np.abs(expected).max())
+    whole = ca.Function("whole", [program.w, factor, multipliers], [hessian])
+    alike(options["hess_lag"](z, [], 2.0, at), np.triu(np.asarray(whole(z, 2.0, at))))
+    for option, row in (("grad_f", program.objective), ("jac_g", rows)):
+        whole = ca.Function("whole", [program.w], [row, ca.jacobian(row, program.w)])
+        for found, expected in zip(options[option](z, []), whole(z), strict=True):
+            alike(found.T if found.shape != expected.shape else found, expected)
+
+
+def alike(found, expected):
+    expected = np.asarray(expected)
+    np.testing.assert_allclose(np.asarray(found), expected, rtol=1e-11, atol=1e-12 * np.abs(expected).max())

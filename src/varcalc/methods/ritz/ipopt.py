@@ -6,10 +6,9 @@ rule, with exact first and second derivatives (Waechter and Biegler, Mathematica
 Programming 106, 2006). Pathwise conditions hold at the
 Lobatto nodes of every element, inequalities at its Gauss points as well.
 
-The Hessian that IPOPT is handed is put together from those at the points, see
-:mod:`varcalc.methods.ritz.curvature`; where nothing but the functional is asked for, so is its
-gradient. The differentiation of the whole program would take longer than its
-solution.
+The derivatives that IPOPT is handed are put together from those at the points, see
+:mod:`varcalc.methods.ritz.derivatives`. The differentiation of the whole program would
+take longer than its solution.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from numpy.polynomial import legendre
 
 from varcalc.formulation import SideCondition
 from varcalc.formulation.height import flat, height
-from varcalc.methods.ritz.curvature import Curvature, CurvePoints, EndPlaces, block_diagonal
+from varcalc.methods.ritz.derivatives import CurvePoints, EndPlaces, ProgramDerivatives, along_diagonal
 from varcalc.methods.ritz.integrands import integrands, pointwise
 from varcalc.methods.ritz.newton import Descent
 from varcalc.methods.ritz.starts import bent
@@ -87,7 +86,7 @@ class _Program:
 
     w: Any
     objective: Any
-    curvature: Curvature
+    derivatives: ProgramDerivatives
     rows: list[Any] = field(default_factory=list)
     lower: list[np.ndarray] = field(default_factory=list)
     upper: list[np.ndarray] = field(default_factory=list)
@@ -151,12 +150,12 @@ def optimise(
         },
     }
     if _only_minimised(system):
-        derivatives = summed_up(system, scale, size)
-        program = _Program(derivatives.unknowns, derivatives.value, Curvature(derivatives.unknowns))
-        options |= derivatives.options
+        alone = summed_up(system, scale, size)
+        program = _Program(alone.unknowns, alone.value, ProgramDerivatives(alone.unknowns))
+        options |= alone.options
     else:
         program = program_of(system, z, scale, size)
-        options["hess_lag"] = program.curvature.function(program.count)
+        options |= program.derivatives.options(program.count)
     # beyond round-off the multipliers of bounds that hold a curve wander, and with them what is left of the gradient
     lost = _round_off(options["hess_lag"], z / scale, program.count)
     options["ipopt"]["acceptable_tol"] = min(max(ipopt.tol, lost), LEAST_EXACT)
@@ -295,13 +294,13 @@ def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float
     function = ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*integrals))])
     mapped = function.map(len(system.weights))
     values = ca.mtimes(mapped(*at_gauss.arguments(w)), ca.DM(system.weights))
-    program = _Program(w, values[0] / size, Curvature(w))
+    program = _Program(w, values[0] / size, ProgramDerivatives(w))
     for j, condition in enumerate(form.conditions.integrals):
         program.add("integral", condition.index, values[1 + j], condition.bounds)
     m, count = len(integrals), len(system.weights)
     factors = np.repeat(system.weights[:, None], m, axis=1)
     factors[:, 0] /= size
-    program.curvature.at_points(
+    program.derivatives.at_points(
         at_gauss, integrals, (np.arange(m * count), np.tile(np.arange(m), count), factors.ravel())
     )
     if form.ends.joint is not None:
@@ -309,8 +308,12 @@ def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float
     if form.conditions.pathwise:
         _Pathwise(system, program, scale, at_gauss, _Sizes(system, z), z / scale).add()
     if form.width is not None:  # beyond that a curve runs backwards, and what is positive sums to less than nothing
-        unknowns = at_gauss.arguments(w)[5][:, 0]
+        anywhere = at_gauss.kept(np.arange(count) == 0)
+        unknowns = anywhere.arguments(w)[5]
         program.add("width", -1, form.width(unknowns, form.problem.parameter_values), (0.0, np.inf))
+        width = form.width(form.symbols.unknowns, form.symbols.parameters)
+        one = np.ones(1, dtype=int)
+        program.derivatives.at_points(anywhere, [width], (0 * one, program.count * one, np.ones(1)))
     return program
 
 
@@ -327,7 +330,7 @@ def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: n
         program.add("ends", -1, row, (0.0, 0.0), change)
         factors.append(1 / change)
     rows = np.arange(len(factors))
-    program.curvature.at_ends(ends, (rows, np.where(rows > 0, first + rows, 0), np.array(factors)))
+    program.derivatives.at_ends(ends, (rows, np.where(rows > 0, first + rows, 0), np.array(factors)))
 
 
 @dataclass
@@ -412,7 +415,7 @@ class _Pathwise:
         rows, first = np.arange(len(points.s)), 1 + self.program.count
         self.program.add(kind, condition.index, self._values(condition, points), condition.bounds, size, elements, rule)
         shares = (rows, first + rows, np.full(len(rows), 1 / size))
-        self.program.curvature.at_points(points, [condition.expression], shares)
+        self.program.derivatives.at_points(points, [condition.expression], shares)
 
 
 def _beside(vertices: CurvePoints, side: int) -> CurvePoints:
@@ -536,7 +539,7 @@ def summed_up(system: RitzSystem, scale: np.ndarray, size: float) -> Summed:
     out = ca.mtimes(pointwise(system.form).map(count)(*arguments), weights)
     # a search along a line asks for values alone
     value = ca.sum2(ca.mtimes(integrands(system.form).map(count)(*arguments), weights))
-    blocks = ca.MX(block_diagonal(count, k), ca.vec(out[1 + k :, :]))
+    blocks = ca.MX(along_diagonal(ca.Sparsity.dense(k, k), count), ca.vec(out[1 + k :, :]))
     hessian = ca.mtimes(whole.T, ca.mtimes(blocks, whole))
     p, lam_f, lam_g = ca.MX.sym("p", 0), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", 0)
     gradient = ca.Function(

@@ -1,15 +1,15 @@
-"""Functions of a form at points of a discretised curve, and the curvature that they give a program of CasADi's.
+"""Functions of a form at points of a discretised curve, and the derivatives that they give a program of CasADi's.
 
-What a program asks at a point depends on the curve through (y, y'[, y''], unknown numbers) there alone. So the
-Hessian of its Lagrangian is that of a small function at every point, between the matrices that take the unknowns to
-the points. CasADi, which sees one expression in all unknowns, would take longer to find this than IPOPT to solve.
+What a program asks at a point depends on the curve through (y, y'[, y''], unknown numbers) there alone. So its
+gradients and the Hessian of its Lagrangian are those of a small function at every point, between the matrices that take
+the unknowns to the points. CasADi, which sees one expression in all unknowns, would take longer to find this than IPOPT
+to solve.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -65,17 +65,34 @@ class CurvePoints:
 
 @dataclass(frozen=True)
 class _Term:
-    """A column of functions at points: its curvature, their arguments, and each value's shares in the rows."""
+    """A column of functions at points: its rates and its curvature there, their arguments, and the shares in the rows.
 
-    curvature: ca.Function
+    ``rates`` gives the column with its Jacobian, ``curvature`` the Hessian of its sum by multipliers; None where that
+    is zero.
+    """
+
+    rates: ca.Function
+    curvature: ca.Function | None
     arguments: list[Any]
     matrix: ca.DM
     shares: Shares
 
+    @property
+    def count(self) -> int:
+        """The number of points."""
+        return self.matrix.shape[0] // self.rates.size2_out(1)
+
+    def in_rows(self, first: int, rows: int) -> ca.DM:
+        """The shares, (count * width, rows), of the values in so many rows from the ``first`` one on."""
+        values, numbers, factors = self.shares
+        own = (numbers >= first) & (numbers < first + rows)
+        size = self.count * self.rates.size1_out(0)
+        return ca.DM.triplet(values[own].tolist(), (numbers[own] - first).tolist(), ca.DM(factors[own]), size, rows)
+
 
 @dataclass
-class Curvature:
-    """The Hessian of a program's Lagrangian in its unknowns ``w``, gathered from its functions at points."""
+class ProgramDerivatives:
+    """The derivatives of a program in its unknowns ``w``, gathered from its functions at points."""
 
     w: Any
     terms: list[_Term] = field(default_factory=list)
@@ -97,29 +114,45 @@ class Curvature:
         self, expressions: Sequence[Any], symbols: list[Any], variables: list[Any],
         arguments: list[Any], matrix: ca.DM, shares: Shares,
     ) -> None:  # fmt: skip
-        column = ca.vertcat(*expressions)
+        column, at = ca.densify(ca.vertcat(*expressions)), ca.vertcat(*variables)
         multipliers = type(symbols[0]).sym("multipliers", column.numel())
-        hessian = ca.hessian(ca.dot(multipliers, column), ca.vertcat(*variables))[0]
-        if hessian.nnz():
-            function = ca.Function("curvature", [*symbols, multipliers], [ca.densify(hessian)])
-            self.terms.append(_Term(function, arguments, matrix, shares))
+        rates = ca.Function("rates", symbols, [column, ca.jacobian(column, at)])
+        hessian = ca.hessian(ca.dot(multipliers, column), at)[0]
+        curvature = ca.Function("curvature", [*symbols, multipliers], [ca.densify(hessian)]) if hessian.nnz() else None
+        self.terms.append(_Term(rates, curvature, arguments, matrix, shares))
 
-    def function(self, rows: int) -> ca.Function:
-        """What ``nlpsol`` takes as ``hess_lag`` of a program with this many rows of constraints."""
+    def options(self, rows: int) -> dict[str, ca.Function]:
+        """What ``nlpsol`` takes of a program with this many rows of constraints."""
+        functions = {"hess_lag": self._hessian(rows), "grad_f": self._rates("grad_f", 0, 1)}
+        return functions | ({"jac_g": self._rates("jac_g", 1, rows)} if rows else {})
+
+    def _rates(self, name: str, first: int, rows: int) -> ca.Function:
+        """So many rows of the program from the ``first`` one on, and their Jacobian; of one row its gradient."""
+        values, jacobian = ca.MX.zeros(rows), ca.MX(rows, self.w.numel())
+        for term in self.terms:
+            shares = term.in_rows(first, rows)
+            if not shares.nnz():
+                continue
+            column, rates = term.rates.map(term.count)(*term.arguments)
+            blocks = ca.MX(along_diagonal(term.rates.sparsity_out(1), term.count), ca.vec(rates.nz[:]))
+            values += ca.mtimes(shares.T, ca.vec(column))
+            jacobian += ca.mtimes(shares.T, ca.mtimes(blocks, term.matrix))
+        out = jacobian if first else ca.densify(jacobian.T)
+        return ca.Function(name, [self.w, ca.MX.sym("p", 0)], [values, out], ["x", "p"], ["value", "rates"])
+
+    def _hessian(self, rows: int) -> ca.Function:
+        """The Hessian of the Lagrangian."""
         w, p = self.w, ca.MX.sym("p", 0)
         lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows)
         multipliers = ca.vertcat(lam_f, lam_g)
         total = ca.MX(w.numel(), w.numel())
         for term in self.terms:
-            k = term.curvature.size1_out(0)
-            count, width = term.matrix.shape[0] // k, term.curvature.size1_in(term.curvature.n_in() - 1)
-            values, columns, factors = term.shares
-            shares = ca.DM.triplet(
-                values.tolist(), columns.tolist(), ca.DM(factors), count * width, 1 + rows
-            )  # fmt: skip
-            weights = ca.reshape(ca.mtimes(shares, multipliers), width, count)
+            if term.curvature is None:
+                continue
+            count, width = term.count, term.rates.size1_out(0)
+            weights = ca.reshape(ca.mtimes(term.in_rows(0, 1 + rows), multipliers), width, count)
             out = term.curvature.map(count)(*term.arguments, ca.densify(weights))
-            blocks = ca.MX(block_diagonal(count, k), ca.vec(out))
+            blocks = ca.MX(along_diagonal(term.curvature.sparsity_out(0), count), ca.vec(out))
             total += ca.mtimes(term.matrix.T, ca.mtimes(blocks, term.matrix))
         return ca.Function(
             "hess_lag", [w, p, lam_f, lam_g], [ca.triu(total)],
@@ -154,10 +187,9 @@ class EndPlaces:
         return [*ends, values[count:], self._parameters]
 
 
-@lru_cache(maxsize=64)
-def block_diagonal(count: int, k: int) -> ca.Sparsity:
-    """``count`` dense blocks of k by k along the diagonal."""
-    return ca.diagcat(*[ca.Sparsity.dense(k, k)] * count)
+def along_diagonal(block: ca.Sparsity, count: int) -> ca.Sparsity:
+    """``count`` blocks along the diagonal."""
+    return ca.kron(ca.Sparsity.diag(count), block)
 
 
 def _placement(system: RitzSystem, table: np.ndarray, scale: np.ndarray) -> tuple[ca.DM, np.ndarray]:
