@@ -1,6 +1,9 @@
 """Other valleys: lower ones are followed, falls for ever are told of, and where was looked."""
 
+import copy
 import math
+import pickle
+from importlib import import_module
 
 import casadi as ca
 import numpy as np
@@ -207,3 +210,40 @@ def test_a_free_end_beyond_which_it_falls_for_ever_is_no_end(c, where):
         throw=False,
     )  # fmt: skip
     assert not found.status.ok or (found.local and found.lower == -np.inf)
+
+
+def uneven(depth=1.0):
+    """A well on either side of the axis, the deeper one above it."""
+    return vc.Problem(
+        lambda x, y, v, p: v**2 / 2 - p.depth * (ca.exp(-4 * (y - 1) ** 2) + 0.9 * ca.exp(-4 * (y + 1) ** 2)),
+        vc.Fixed(0, 0), vc.Fixed(9, 0), parameters={"depth": depth},
+    )  # fmt: skip
+
+
+def told(solution):
+    return solution.value, solution.lower, solution.message, solution.searched
+
+
+@pytest.mark.parametrize("method", [vc.Collocation(), vc.Shooting()])
+def test_valleys_beside_one_curve_are_followed_once_by_whatever_method_it_was_found(monkeypatch, method):
+    ladder, problem, followed = import_module("varcalc.solve.ladder"), uneven(), []
+    plainly = ladder._next_to
+    monkeypatch.setattr(ladder, "_next_to", lambda *way: followed.append(way) or plainly(*way))
+    first = vc.solve(problem)
+    assert followed
+    followed.clear()
+    second = vc.solve(problem, method, guess=first)
+    assert not followed
+    assert second.problem is problem
+    assert told(second) == told(vc.solve(uneven(), method, guess=first))
+    assert followed
+
+
+def test_what_was_found_of_a_problem_is_told_of_no_other():
+    problem = uneven()
+    vc.solve(problem)
+    assert problem.answers.products
+    deeper = problem.with_parameters({"depth": 2.0})
+    others = deeper, copy.copy(problem), copy.deepcopy(problem), pickle.loads(pickle.dumps(problem))
+    assert [len(other.answers.products) for other in others] == [0] * 4
+    assert told(vc.solve(deeper)) == told(vc.solve(uneven(2.0)))

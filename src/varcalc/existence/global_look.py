@@ -329,12 +329,12 @@ def _followed(
     sign, (rough_way, exact_way) = best.problem.sign, ways
     bounded = any(best.problem.of_type(Bound))
     for valley in valleys:
-        start = lattice.landscape.along(valley)
         if bounded and valley.y.ndim == 1:
             # an interior-point method may leave a valley, and takes long: what lies in it is first seen by polygons
             if (found := _beside_bounds(best, lattice, valley, polish)) is not None:
                 return found
             continue
+        start = lattice.landscape.along(valley.start)
         rough = polish(rough_way, start)
         # a coarse mesh may say of a steep curve no more than that it is far lower
         low = sign * (rough.value - best.value) < ROUGHLY * lattice.summed

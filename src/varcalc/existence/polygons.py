@@ -51,6 +51,8 @@ FALLEN = 1e3
 """How far below what the curve's own polygon sums it has to lie there."""
 APART = 1.5
 """Levels by which two polygons differ somewhere that are in valleys of their own."""
+ROUNDED_BITS = 10
+"""Binary digits to which a step of the lattice is divided in the polygons that are started from."""
 NO_RIDGE = 1e-12
 """Height of a ridge, relative to what is summed, that is round-off."""
 PIECES_ACROSS, LEVELS = 24, 64
@@ -141,10 +143,23 @@ class Graphs:
 
 
 @dataclass(frozen=True)
+class Polygon:
+    """The graph of one function through vertices; those that are equal have one hash."""
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """Ordinates (1, m) at x (m,)."""
+        return np.interp(x, self.x, self.y)[None]
+
+
+@dataclass(frozen=True)
 class Valley:
     """A least polygon through some node: vertices ``x`` and ``y``, its value on the lattice; ``edge``: it leaves it.
 
     Of n functions at once ``y`` is (K + 1, n), of one (K + 1,). The curve there is held by a mesh with the ``marks``.
+    What lies ``apart`` by far less is one.
     """
 
     x: np.ndarray
@@ -152,6 +167,18 @@ class Valley:
     value: float
     edge: bool
     marks: tuple[float, ...] = ()
+    apart: float = 0.0
+
+    @property
+    def start(self) -> Sampled:
+        """What is started from: where it is known what lies apart, rounded, so that it is one beside curves that are.
+
+        All methods end in one curve but for their errors.
+        """
+        if not self.apart > 0.0:
+            return self
+        unit = 2.0 ** (math.floor(math.log2(self.apart)) - ROUNDED_BITS)
+        return Polygon(tuple(self.x.tolist()), tuple((unit * np.round(self.y / unit)).tolist()))
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Ordinates (1, m), or (n, m), at x (m,)."""
@@ -281,7 +308,8 @@ class Lattice:
     def _valley(self, path: tuple[int, ...], value: float) -> Valley:
         numbers = np.array(path)
         edge = bool(((numbers <= 1) | (numbers >= self.nodes.shape[1] - 2)).any())
-        return Valley(self.x, self.nodes[np.arange(len(self.x)), numbers], value, edge)
+        y = self.nodes[np.arange(len(self.x)), numbers]
+        return Valley(self.x, y, value, edge, apart=float(np.median(np.diff(self.nodes, axis=1))))
 
     @property
     def own_costs(self) -> np.ndarray:

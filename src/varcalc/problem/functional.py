@@ -172,6 +172,7 @@ class Functional(Shown):
         self.abscissa, self.ordinates = self._named_axes(names, units)
         self.surface: Callable[..., Any] | None = surface
         self.cache: Cache = Cache()
+        self.answers: Cache = Cache()
         try:
             self._trace(ca.SX)
         except NotSymbolic:
@@ -379,7 +380,7 @@ class Functional(Shown):
 
     def __copy__(self) -> Self:
         other = object.__new__(type(self))
-        other.__dict__.update(self.__dict__)
+        other.__dict__.update(self.__dict__, answers=Cache())  # whoever copies a problem asks another one
         return other
 
     def __reduce__(self) -> tuple[Any, ...]:

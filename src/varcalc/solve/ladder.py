@@ -17,6 +17,7 @@ from varcalc.existence.constant_speed import at_constant_speed
 from varcalc.existence.fading import attained
 from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, IN_NARROW, has_lattice, looked_around
+from varcalc.existence.polygons import Polygon
 from varcalc.existence.refraction import refracted, smooth_or_refused
 from varcalc.existence.upright import upright
 from varcalc.formulation import Form, Sampled, formulate
@@ -43,7 +44,7 @@ from varcalc.solution import (
 )
 from varcalc.solve.warm_start import resolved
 from varcalc.spelling import spelled
-from varcalc.symbolic.derived import Cache
+from varcalc.symbolic.derived import Cache, answered
 from varcalc.verify.between import Unseen, as_stated, balanced, of_powers_alone, unseen
 from varcalc.verify.slopes import vouched
 
@@ -158,7 +159,18 @@ long way, many may."""
 
 
 def _polished(problem: Functional, tol: float, method: Ritz, start: Sampled, marks: tuple[float, ...] = ()) -> Solution:
-    """The answer of the direct method next to a curve, on a mesh with the ``marks``."""
+    """The answer of the direct method next to a curve, on a mesh with the ``marks``; next to a polygon it is kept."""
+    if isinstance(start, Polygon):
+        return replace(_next_to_polygon(problem, tol, method, start), problem=problem)
+    return _next_to(problem, tol, method, start, marks)
+
+
+@answered
+def _next_to_polygon(problem: Functional, tol: float, method: Ritz, polygon: Polygon) -> Solution:
+    return _next_to(problem, tol, method, polygon)
+
+
+def _next_to(problem: Functional, tol: float, method: Ritz, start: Sampled, marks: tuple[float, ...] = ()) -> Solution:
     known = _broken(problem, method, tol, start)
     if known is not None:
         return known

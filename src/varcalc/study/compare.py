@@ -248,9 +248,12 @@ def _row(problem: Problem | Curve, method: Any, exact: Exact | None, tol: float,
 
 
 def cold(problem: Problem | Curve) -> Problem | Curve:
-    """The same problem with nothing built yet, so that no method's build time is paid by another."""
+    """The same problem with nothing built yet, so that no method's build time is paid by another.
+
+    What was found where other valleys were looked for is kept: no row's time tells of that.
+    """
     other = copy.copy(problem)
-    other.cache = Cache()
+    other.cache, other.answers = Cache(), problem.answers
     return other
 
 

@@ -40,7 +40,17 @@ class Owner(Protocol):
         ...
 
 
+class Answering(Protocol):
+    """What keeps answers: a problem."""
+
+    @property
+    def answers(self) -> Cache:
+        """What has been found at its own parameter values."""
+        ...
+
+
 O = TypeVar("O", bound=Owner)  # noqa: E741  the owner
+A = TypeVar("A", bound=Answering)
 
 
 def derived(make: Callable[[O, *Key], T]) -> Callable[[O, *Key], T]:
@@ -62,11 +72,25 @@ def derived(make: Callable[[O, *Key], T]) -> Callable[[O, *Key], T]:
 
     @wraps(make)
     def kept(owner: O, *key: *Key) -> T:
-        products, place = owner.cache.products, (make, *key)
-        try:
-            return products[place]
-        except KeyError:
-            product = products[place] = make(owner, *key)
-            return product
+        return _once(owner.cache, make, owner, *key)
 
     return kept
+
+
+def answered(make: Callable[[A, *Key], T]) -> Callable[[A, *Key], T]:
+    """The same for what depends on the parameter values as well, and on nothing else but the key: copies have none."""
+
+    @wraps(make)
+    def kept(problem: A, *key: *Key) -> T:
+        return _once(problem.answers, make, problem, *key)
+
+    return kept
+
+
+def _once(cache: Cache, make: Callable[..., Any], owner: Any, *key: Any) -> Any:
+    products, place = cache.products, (make, *key)
+    try:
+        return products[place]
+    except KeyError:
+        product = products[place] = make(owner, *key)
+        return product
