@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -27,6 +27,8 @@ from varcalc.symbolic.variation import LEAST_POWER, LOCAL, SEEN_FROM_AFAR, VARYI
 
 WIDE = 12.0
 """By how many times more than is gentle an argument may go from the middle of where a run has been."""
+MOST_AT_ONCE = 16
+"""Runs of which that is asked together."""
 RUN_PLACES = 1025
 """Places of a run at which it is asked where it has been."""
 MISSED = 1e-6
@@ -128,33 +130,40 @@ class AttentiveFlow:
         ends = np.sort([[run.abscissae[0], run.reached] for run in runs], axis=1)
         return self._wide(low, high, ends, np.reshape(constants, (1, -1)))
 
-    def _unseen_along(self, run: Run, constants: np.ndarray) -> bool:
+    def _unseen_along(self, runs: Sequence[Run], constants: np.ndarray) -> np.ndarray:
         """The same of the boxes between closer places, as enclosures are wide in wide boxes.
 
-        What the places themselves show the run need not have seen: there its rates must be the system's.
+        What the places themselves show a run need not have seen: there its rates must be the system's.
         """
-        if not run.completed:
-            return True
-        grid = np.linspace(run.abscissae[0], run.abscissae[-1], RUN_PLACES)
-        states = run.states[np.isin(run.abscissae, grid)]
-        if not np.all(np.isfinite(states)):
-            return True
+        unseen, abscissae = np.ones(len(runs), dtype=bool), runs[0].abscissae
+        grid = np.linspace(abscissae[0], abscissae[-1], RUN_PLACES)
+        states = np.array([run.states for run in runs])[:, np.isin(abscissae, grid)]
+        told = np.flatnonzero([run.completed for run in runs] & np.all(np.isfinite(states), axis=(1, 2)))
+        states = states[told]
         s, numbers = np.sort(np.column_stack([grid[:-1], grid[1:]]), axis=1), np.reshape(constants, (1, -1))
-        rates = self._rates(len(grid), grid[:, None], states, numbers)
-        missed = np.abs(_differentiated(states, grid[1] - grid[0]) - rates)
-        if not np.all(missed <= MISSED * np.abs(rates).max(axis=0) + np.finfo(float).tiny):
-            return True
+        m, size = len(told), states.shape[-1]
+        rates = self._rates(m * len(grid), np.tile(grid, m)[:, None], states.reshape(-1, size), numbers)
+        rates = rates.reshape(states.shape)
+        along = states.transpose(1, 0, 2).reshape(len(grid), -1)
+        slopes = _differentiated(along, grid[1] - grid[0]).reshape(len(grid), m, size).transpose(1, 0, 2)
+        most = MISSED * np.abs(rates).max(axis=1, keepdims=True) + np.finfo(float).tiny
+        followed = np.all(np.abs(slopes - rates) <= most, axis=(1, 2))
+        if not followed.any():
+            return unseen
 
         def sides(values: np.ndarray) -> list[Between]:
-            first, last = values[:-1].T, values[1:].T
+            first, last = values[:, :-1].reshape(-1, size).T, values[:, 1:].reshape(-1, size).T
             room = RANGE_MARGIN * np.abs(last - first)
             ranges = zip(np.minimum(first, last) - room, np.maximum(first, last) + room, strict=True)
             return [Between(box, a, b) for box, a, b in zip(ranges, first, last, strict=True)]
 
         fixed = [Between((value, value), value, value) for value in numbers.T]
+        low, high = (np.tile(side, int(followed.sum())) for side in s.T)
         with np.errstate(all="ignore"):
-            boxes = [[Between((s[:, 0], s[:, 1]), s[:, 0], s[:, 1])], sides(states), fixed]
-            return not bool(np.all(excess(self.system, boxes, (len(s),), RULES) <= 1.0))
+            boxes = [[Between((low, high), low, high)], sides(states[followed]), fixed]
+            seen = excess(self.system, boxes, low.shape, RULES).reshape(-1, len(s)) <= 1.0
+        unseen[told[followed]] = ~seen.all(axis=1)
+        return unseen
 
     def trajectory(
         self, abscissae: np.ndarray, state: np.ndarray, constants: np.ndarray, *, level: int = 0,
@@ -163,10 +172,11 @@ class AttentiveFlow:
         """See :meth:`varcalc.integrators.protocol.Flow.trajectory`."""
         grid, own = _looked_at(abscissae)
         run = self.free.trajectory(grid, state, constants, level=level, longest=longest, dense=dense)
-        if self._wide_along([run], constants)[0]:
-            run = self._attended(run, constants, lambda: self.watched.trajectory(
+        if self._wide_along([run], constants)[0] and self._unseen_along([run], constants)[0]:
+            more = self.watched.trajectory(
                 grid, self._extended(state), constants, level=level, longest=longest, dense=dense
-            ))  # fmt: skip
+            )
+            run = self._without_companions(more) or run
         return replace(run, abscissae=np.asarray(abscissae), states=run.states[own])
 
     def trajectories(self, abscissae: np.ndarray, states: np.ndarray, constants: np.ndarray) -> list[Run]:
@@ -175,21 +185,21 @@ class AttentiveFlow:
             return []
         grid, own = _looked_at(abscissae)
         runs = self.free.trajectories(grid, states, constants)
-        for k in np.flatnonzero(self._wide_along(runs, constants)).tolist():
-            again = partial(self.watched.trajectory, grid, self._extended(states[k]), constants)
-            runs[k] = self._attended(runs[k], constants, again)
+        wide = np.flatnonzero(self._wide_along(runs, constants))
+        for some in np.array_split(wide, math.ceil(len(wide) / MOST_AT_ONCE)) if len(wide) else []:
+            unseen = self._unseen_along([runs[k] for k in some], constants)
+            for k in some[unseen].tolist():
+                more = self.watched.trajectory(grid, self._extended(states[k]), constants)
+                runs[k] = self._without_companions(more) or runs[k]
         return [replace(run, abscissae=np.asarray(abscissae), states=run.states[own]) for run in runs]
 
-    def _attended(self, run: Run, constants: np.ndarray, watched: Callable[[], Run]) -> Run:
-        """The run, or the ``watched`` one where the former may have gone past something narrow."""
-        if not self._unseen_along(run, constants):
-            return run
-        more = watched()
-        if more.outcome is RunOutcome.NOT_FINITE:
-            return run
-        inner = more.trajectory
+    def _without_companions(self, watched: Run) -> Run | None:
+        """A watched run; None where it is no number from the start."""
+        if watched.outcome is RunOutcome.NOT_FINITE:
+            return None
+        inner = watched.trajectory
         kept = None if inner is None else _Shortened(inner, self._size)
-        return replace(more, states=more.states[:, : self._size], trajectory=kept)
+        return replace(watched, states=watched.states[:, : self._size], trajectory=kept)
 
     def ensemble(
         self,
