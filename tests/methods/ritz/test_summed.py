@@ -96,3 +96,17 @@ def test_the_derivatives_are_those_of_the_whole_program(name):
 def alike(found, expected):
     expected = np.asarray(expected)
     np.testing.assert_allclose(np.asarray(found), expected, rtol=1e-11, atol=1e-12 * np.abs(expected).max())
+
+
+def test_a_program_is_straight_where_its_conditions_are():
+    def straight(*conditions):
+        problem = vc.Problem(lambda x, y, dy: dy**4, vc.Fixed(0, 0), vc.Fixed(1, 1), conditions)
+        form = formulate(problem)
+        system = RitzSystem(form, Space(np.linspace(0.0, 1.0, 3), 5, 1, 1), 9)
+        return program_of(system, np.ones(system.size), np.ones(system.size), 1.0).derivatives.straight
+
+    line, level = vc.Bound(lambda x, y, dy: dy - x**2, lower=-1), vc.Isoperimetric(lambda x, y, dy: x * y, 1)
+    assert straight(line)
+    assert straight(line, level)
+    assert not straight(line, vc.Isoperimetric(lambda x, y, dy: y**2, 1))
+    assert not straight(level, vc.Bound(lambda x, y, dy: y * dy, lower=-1))

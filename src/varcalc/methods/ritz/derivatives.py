@@ -68,7 +68,7 @@ class _Term:
     """A column of functions at points: its rates and its curvature there, their arguments, and the shares in the rows.
 
     ``rates`` gives the column with its Jacobian, ``curvature`` the Hessian of its sum by multipliers; None where that
-    is zero.
+    is zero. What enters constraints may be ``straight``: linear in the variables.
     """
 
     rates: ca.Function
@@ -76,6 +76,7 @@ class _Term:
     arguments: list[Any]
     matrix: ca.DM
     shares: Shares
+    straight: bool
 
     @property
     def count(self) -> int:
@@ -119,7 +120,15 @@ class ProgramDerivatives:
         rates = ca.Function("rates", symbols, [column, ca.jacobian(column, at)])
         hessian = ca.hessian(ca.dot(multipliers, column), at)[0]
         curvature = ca.Function("curvature", [*symbols, multipliers], [ca.densify(hessian)]) if hessian.nnz() else None
-        self.terms.append(_Term(rates, curvature, arguments, matrix, shares))
+        values, numbers, _ = shares
+        held = np.unique(values[numbers > 0] % len(expressions)).tolist()
+        straight = curvature is None or not ca.depends_on(hessian, multipliers[held])
+        self.terms.append(_Term(rates, curvature, arguments, matrix, shares, straight))
+
+    @property
+    def straight(self) -> bool:
+        """Whether all constraints are linear in the unknowns."""
+        return all(term.straight for term in self.terms)
 
     def options(self, rows: int) -> dict[str, ca.Function]:
         """What ``nlpsol`` takes of a program with this many rows of constraints."""

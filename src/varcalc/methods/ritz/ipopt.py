@@ -156,6 +156,8 @@ def optimise(
     else:
         program = program_of(system, z, scale, size)
         options |= program.derivatives.options(program.count)
+        if program.derivatives.straight:
+            options["ipopt"] |= {"jac_c_constant": "yes", "jac_d_constant": "yes"}
     # beyond round-off the multipliers of bounds that hold a curve wander, and with them what is left of the gradient
     lost = _round_off(options["hess_lag"], z / scale, program.count)
     options["ipopt"]["acceptable_tol"] = min(max(ipopt.tol, lost), LEAST_EXACT)
