@@ -582,3 +582,9 @@ def test_derivatives_that_overflow_are_the_reason_and_no_lack_of_extremals(step,
         throw=False,
     )  # fmt: skip
     assert found.status.ok or (found.verdict is None and "its derivatives are not" in found.message)
+
+
+def test_where_every_curve_costs_infinitely_much_there_is_no_answer_and_no_warning():
+    found = vc.solve(vc.Problem(lambda x, y, v: math.inf * v**2, vc.Fixed(0, 0), vc.Fixed(1, 1)), throw=False)
+    assert not found.status.ok
+    assert found.message

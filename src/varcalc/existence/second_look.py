@@ -104,7 +104,8 @@ def regular(problem: Functional) -> bool:
     slope = np.interp(x, chord, np.gradient(formulate(problem).start.curve(chord)[0], chord))
     values = _legendre(problem)(len(x), x[:, None], y.T, slope[:, None], np.zeros((1, 0)), *numbers)[:, 0]
     inner, sizes = values[:-4], np.abs(values)
-    growth = sizes[[-4, -2]] / sizes[[-3, -1]]
+    with np.errstate(divide="ignore", invalid="ignore"):  # of what is infinite, or vanishes, nothing is told
+        growth = sizes[[-4, -2]] / sizes[[-3, -1]]
     if not (np.isfinite(growth).all() and (growth < GROWN).all() and (growth > 1 / GROWN).all()):
         return False
     sizes = sizes[:-4]
