@@ -29,7 +29,7 @@ from varcalc.verify.given_curve import distinct
 
 TOUCHING = 1e-6
 """Relative distance from a bound within which all of a piece touches it."""
-SAMPLES = 129
+POINTS_FOR_SIZE = 129
 """Points at which the size of what is bounded is looked at."""
 NOISE = 1e-9
 """Coefficients of a multiplier, relative to its size, that are left out, and what it is moved by to have one sign."""
@@ -74,7 +74,7 @@ class Bounds:
 
     def _touched(self, a: float, b: float) -> list[Side]:
         values = self._heights(0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE)[1:-1])
-        whole = self._heights(np.linspace(self.edges[0], self.edges[-1], SAMPLES))
+        whole = self._heights(np.linspace(self.edges[0], self.edges[-1], POINTS_FOR_SIZE))
         sides = []
         for k, limit in enumerate(self.along.limits):
             for at, sign in ((limit.lower, 1.0), (limit.upper, -1.0)):
@@ -213,7 +213,7 @@ class Bounds:
                 slope = self.along.function(ca.gradient(self.along.paths[side.number], s.y))(nodes_within(a, b))[0]
                 size = np.abs(np.polynomial.polynomial.polyval(nodes(DEGREE), powers))
                 most_added = max(most_added, float((2 * size * (slope[:, :, 0] ** 2).sum(axis=1)).max()))
-        within = np.linspace(self.edges[0], self.edges[-1], SAMPLES)[1:-1]
+        within = np.linspace(self.edges[0], self.edges[-1], POINTS_FOR_SIZE)[1:-1]
         stiffness = self.plain.function(ca.hessian(self._integrand, s.dy)[0])(within)[0]
         least = float(np.linalg.eigvalsh(stiffness)[:, -1].min())
         return self.weight * least / (self.along.length**2 * (most_added or 1.0))
@@ -247,7 +247,7 @@ def _in_powers(mu: np.ndarray, sign: float, size: float) -> np.ndarray:
     """
     series = np.polynomial.Chebyshev.fit(nodes(DEGREE), mu, DEGREE, domain=[-1, 1]).trim(NOISE * size)
     powers: np.ndarray = series.convert(kind=np.polynomial.Polynomial).coef
-    wrong = float((sign * series(np.linspace(-1.0, 1.0, SAMPLES))).max())
+    wrong = float((sign * series(np.linspace(-1.0, 1.0, POINTS_FOR_SIZE))).max())
     if len(powers) > DEGREE or wrong > SLIGHT * size:
         inside = 1.0 - nodes(DEGREE) ** 2
         powers = np.array([-sign * max(0.0, -sign * float((mu * inside).sum() / inside.sum()))])

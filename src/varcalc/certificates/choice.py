@@ -38,7 +38,7 @@ SOME_BOXES = 6
 DEEPEST = 60
 """How deep boxes are cut for the inequality; at first a narrower tube is tried where ``SHALLOW`` is too little."""
 SHALLOW = 5
-HALVINGS = 5
+PIECE_HALVINGS = 5
 """How often pieces are halved on which Q is not resolved."""
 LOOSELY_KNOWN, RESOLVED = 1e-3, 1e-7
 """Last coefficients of Q, relative to it: beyond the one no proof is tried, below the other none is tried again."""
@@ -59,7 +59,7 @@ def proved_tube(setting: Setting, told: Told = silent) -> Prover:
         except Unproved:
             pass  # between the points where it was looked at H may be less convex
     told("the field of extremals")
-    for _ in range(HALVINGS):
+    for _ in range(PIECE_HALVINGS):
         kappa, mu, found = _field(setting, stiffness)
         rough, finer = (unresolved(found, share) for share in (LOOSELY_KNOWN, RESOLVED))
         if not rough:

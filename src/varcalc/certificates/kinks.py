@@ -39,7 +39,7 @@ from varcalc.symbolic.tracing import Expression, TracedFunction
 from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.given_curve import DISTINCT_NODES, distinct
 
-SAMPLES = 33
+POINTS_FOR_SIGNS = 33
 """Points of a piece at which signs are looked at."""
 MARGIN, NOISE = 1e-13, 1e-11
 """What a subgradient is shrunk by to stay within its bounds; coefficients, relative to it, that are left out."""
@@ -47,7 +47,7 @@ ROUGH = 1e-2
 """What a subgradient may be more than 1 by in size between the nodes, where it is shrunk."""
 PLAUSIBLE = 1.5
 """Size of a subgradient from which on the curve does not follow the kink."""
-MOST_BOXES = 400
+MOST_SIGN_BOXES = 400
 """Boxes of one piece of which signs are looked at."""
 
 
@@ -63,7 +63,7 @@ class Kinked:
     def edges(self) -> list[float]:
         """Abscissae between which each kink is on one side of the curve, or is followed by it."""
         vertices = distinct(self.along.vertices)
-        mesh = np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(vertices)])
+        mesh = np.concatenate([np.linspace(a, b, POINTS_FOR_SIGNS) for a, b in pairwise(vertices)])
         crossings: list[float] = []
         for k, arguments in enumerate(self._arguments(mesh).T):
             for at in self.kinks[k].breaks:
@@ -98,14 +98,14 @@ class Kinked:
     def _sizes(self) -> np.ndarray:
         """The largest size of each argument along the curve."""
         a, b = self.along.span
-        return np.abs(self._arguments(np.linspace(a, b, 8 * SAMPLES)[1:-1])).max(axis=0)
+        return np.abs(self._arguments(np.linspace(a, b, 8 * POINTS_FOR_SIGNS)[1:-1])).max(axis=0)
 
     @cached_property
     def sides(self) -> list[list[int]]:
         """Of each piece the side of each kink that the curve is on."""
         rows = []
         for a, b in pairwise(self.edges):
-            columns = self._arguments(np.linspace(a, b, SAMPLES)[1:-1]).T
+            columns = self._arguments(np.linspace(a, b, POINTS_FOR_SIGNS)[1:-1]).T
             rows.append([k.side(*one) for k, *one in zip(self.kinks, columns, self._sizes.tolist(), strict=True)])
         if any(sum(k.follows(side) for k, side in zip(self.kinks, row, strict=True)) > 1 for row in rows):
             raise Unproved("a curve that follows several kinks at once is not covered")
@@ -131,7 +131,7 @@ class Kinked:
         values = self._arguments(nodes_within(*self._piece(number)))[:, k]
         series: Any = np.polynomial.Chebyshev.fit(nodes(DEGREE), values, DEGREE, domain=[-1, 1])
         powers: np.ndarray = series.trim(size).convert(kind=np.polynomial.Polynomial).coef
-        reached = np.polynomial.polynomial.polyval(np.linspace(-1.0, 1.0, 8 * SAMPLES), powers)
+        reached = np.polynomial.polynomial.polyval(np.linspace(-1.0, 1.0, 8 * POINTS_FOR_SIGNS), powers)
         under = 0.0 if low is None else size + max(0.0, low - float(reached.min()))
         over = 0.0 if high is None else size + max(0.0, float(reached.max()) - high)
         if low is not None and high is not None:
@@ -186,7 +186,7 @@ class Kinked:
 
     @cached_property
     def _polygon(self) -> tuple[np.ndarray, np.ndarray]:
-        x = np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(self.edges)])
+        x = np.concatenate([np.linspace(a, b, POINTS_FOR_SIGNS) for a, b in pairwise(self.edges)])
         return x, self.along.evaluate(x, 0)
 
     def _piece(self, number: int) -> tuple[float, float]:
@@ -276,7 +276,7 @@ class Kinked:
         Unproved where c may be negative.
         """
         total, sides = flint().arb(0), self.sides[int(np.searchsorted(self.edges, float(piece.centre.mid()))) - 1]
-        waiting, most = deque([piece.box()]), MOST_BOXES
+        waiting, most = deque([piece.box()]), MOST_SIGN_BOXES
         while waiting:
             box, most = waiting.popleft(), most - 1
             try:
@@ -309,7 +309,7 @@ def _shrunk(values: np.ndarray) -> np.ndarray:
     """A polynomial in powers, within [-1, 1] where ``values`` at the nodes all but are."""
     series: Any = np.polynomial.Chebyshev.fit(nodes(DEGREE), values, DEGREE, domain=[-1, 1]).trim(NOISE)
     # as it is with what was left out: next to a piece beside the kink it is 1 or -1
-    t = np.linspace(-1.0, 1.0, 8 * SAMPLES)
+    t = np.linspace(-1.0, 1.0, 8 * POINTS_FOR_SIGNS)
     reached = np.abs(series(t))
     if reached[1:-1].max() > 1.0 + ROUGH:
         # round-off, on a short piece about where the curve comes to the kink: any subgradient will do

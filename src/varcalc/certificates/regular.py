@@ -37,7 +37,7 @@ STEEPEST = 0.1
 """One over what a bump on [0, 1] and its slope stay below."""
 VANISHING = "where L is infinite no coordinate in which the metric neither vanishes nor ends in a root is at hand"
 BROKEN_POWER = "where L is infinite the curve is regular in a coordinate of which the distance is no whole power"
-HALVINGS = 10
+FORWARD_HALVINGS = 10
 """How often a box is halved to show that a curve runs forward in it."""
 
 
@@ -291,6 +291,6 @@ def check_forward(setting: Setting) -> None:
         slope = setting.pieces[k].lifted(Around(box, 1, whole=True))[1][1][0]
         if slope > ROOM * float(setting.sizes[1][1]):
             continue
-        if depth == HALVINGS:
+        if depth == FORWARD_HALVINGS:
             raise Unproved(f"the curve is not proved to run forward near the share {box.at:.3g} of its length")
         waiting += [(k, half, depth + 1) for half in box.halves()]

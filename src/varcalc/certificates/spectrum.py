@@ -57,7 +57,7 @@ NEARER = 0.75
 """Where in that gap r is."""
 NEAREST, FARTHEST = 2.0**-100, 2.0**-4
 """Distances of a bound from Ritz's value that are tried, relative to r, each four times the one before."""
-SAMPLES = 65
+POINTS_FOR_GAMMA = 65
 """Points of an element at which L is looked at for gamma."""
 
 RITZ = "Ritz's functions meet the ends, and their quotients lie below the upper bound"
@@ -223,7 +223,7 @@ def _prove_count(problem: Problem, ritz: Eigenfunctions, m: int, r: float) -> No
 
 def _raising(problem: Problem, ritz: Eigenfunctions, r: float) -> float:
     """gamma, by which L + gamma g is positive definite with room to spare."""
-    x = np.concatenate([np.linspace(a, b, SAMPLES)[1:-1] for a, b in pairwise(ritz.edges)])
+    x = np.concatenate([np.linspace(a, b, POINTS_FOR_GAMMA)[1:-1] for a, b in pairwise(ritz.edges)])
     energy, norm = _coefficients(problem, x)
     if not (energy[:, 1, 1].min() > 0 and norm[:, 0, 0].min() > 0):
         raise Unproved("L is not convex in the slope, or the prescribed integrand is not positive")

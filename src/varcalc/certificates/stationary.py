@@ -24,7 +24,7 @@ POLISHES = 8
 """Steps of Newton's method at most, each of which doubles the digits."""
 RADII = tuple(2.0**-k for k in (80, 64, 48, 36, 28))
 """Half-widths, relative to the scales, of the boxes in which there is one stationary point."""
-HALVINGS = 48
+HALVINGS_OF_LEAST = 48
 """Of the box in which it is the least."""
 STIFFNESSES = (3.0, 30.0, 300.0)
 """Weights of the equations that are tried, in units of f's second derivatives."""
@@ -115,7 +115,7 @@ class LagrangeFunction:
         """
         best = 0.0
         for stiffness in STIFFNESSES:
-            for k in range(1, HALVINGS):
+            for k in range(1, HALVINGS_OF_LEAST):
                 if 2.0**-k <= best:
                     break
                 if self._convex(at, 2.0**-k, stiffness):

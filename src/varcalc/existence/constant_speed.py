@@ -26,7 +26,7 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution
 from varcalc.symbolic.derived import Cache
 
-HALVINGS = 26
+GRADING_HALVINGS = 26
 """Halvings toward either end by which the first mesh is graded: what is steep is so beside the ends."""
 ROUGH_DEGREE, CUT_DEGREE = 4, 8
 ROUGHLY = 1e-4
@@ -37,7 +37,7 @@ PLACES_AN_ELEMENT = 16
 """Places of an element at which it is seen on which side of a kink a curve is."""
 CLOSE = 1e-3
 """Distance of a vertex from a cut, relative to that from the nearer end, within which it gives way."""
-SAMPLES = 400
+PLACES_FOR_MOVE = 400
 SAFETY = 2.0
 """Of the last changes of value and curve, as the cuts find their places."""
 SHRINKS = 0.7
@@ -63,7 +63,7 @@ class _Round:
         if here is None or there is None or len(before.cuts) != len(self.cuts):
             return math.inf, math.inf
         first, last = here.form.span
-        s = np.linspace(first, last, SAMPLES)
+        s = np.linspace(first, last, PLACES_FOR_MOVE)
         (x, y, dx, dy), (x0, y0, *_) = lifted(here, s), lifted(there, s)
         with np.errstate(all="ignore"):
             moved = np.where(dx > 0.0, np.abs(y - y0 - dy / dx * (x - x0)), 0.0)
@@ -89,7 +89,7 @@ def at_constant_speed(problem: Functional, method: Ritz, tol: float, guess: Samp
     if form is None or not isinstance(problem, Problem):
         return None
     started = time.perf_counter()
-    graded = 0.5 ** np.arange(1, HALVINGS)
+    graded = 0.5 ** np.arange(1, GRADING_HALVINGS)
     first, last = form.span
     vertices = first + (last - first) * np.union1d(graded, 1 - graded)
     start = None if guess is None else form.coordinates.pull(guess)

@@ -23,7 +23,7 @@ from varcalc.solution import Solution
 
 SOFT = 1e-9
 """Error of a curve, in units of its extent, from which on its place may not be fixed."""
-SAMPLES = 257
+PLACES_FOR_STEEPEST = 257
 """Abscissae at which the steepest place of a curve is looked for."""
 LONG = 6.0
 """The least interval, in units of the extent over the steepest slope, on which a step could be elsewhere."""
@@ -111,7 +111,7 @@ def _step(solution: Solution) -> MovableStep | None:
     assert curve is not None
     if ca.depends_on(problem.integrand, problem.symbols.x):
         return None
-    x = np.linspace(*problem.span, SAMPLES)
+    x = np.linspace(*problem.span, PLACES_FOR_STEEPEST)
     y = curve(x, 0)[0]
     extent, rises = float(np.ptp(y)), np.abs(np.diff(y))
     steepest = int(np.argmax(rises))

@@ -77,7 +77,7 @@ BUMPS, BUMP_ROUND_OFF = (1e-4, 1e-6), 1e-13
 BUMP_ELEMENTS, BUMP_POINTS = 8, 12
 NODES = 49
 """Abscissae between which a rounded curve is looked at."""
-SAMPLES = 33
+PLACES_FOR_SIZES = 33
 """Places of a line at which it is seen how large what switches is."""
 SAME_PLACE = 1e-9
 """Share of the interval by which two crossings at one place may differ."""
@@ -267,7 +267,7 @@ def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solu
     if len(edges) != len(began):
         return found
     switches, numbers = [switch.argument for switch in on_curve(problem)], problem.unknown_guesses
-    ways = [np.linspace(a, b, SAMPLES) for a, b in pairwise(edges)]
+    ways = [np.linspace(a, b, PLACES_FOR_SIZES) for a, b in pairwise(edges)]
     along = [arguments_along(problem, solution.curve, way, numbers) for way in ways]
     middles = arguments_along(problem, curve, 0.5 * (began[1:] + began[:-1]), numbers)
     moved = list(found)
@@ -430,7 +430,7 @@ def _ordinates(curve: Curve, x: np.ndarray) -> np.ndarray:
 
 def _points(problem: Problem, line: Sampled) -> Points:
     """What L depends on, along a line: one array for each entry of a symbol."""
-    x = np.linspace(*problem.span, SAMPLES)
+    x = np.linspace(*problem.span, PLACES_FOR_SIZES)
     y = line(x)
     slopes = np.gradient(y, x, axis=1)
     slopes = np.where(

@@ -24,7 +24,7 @@ STEEP = 30.0
 """Slope, in units of the curve's extent over the interval, from which a curve may be about to stand upright."""
 SLOPES = 1e4, 1e6
 """Slopes, in units of the curve's own steepest one, between which the growth of L is seen."""
-SAMPLES = 65
+PLACES_FOR_EXTENT = 65
 LINEAR = 0.05
 """Relative difference from linear growth between them that the terms which do not grow may make."""
 
@@ -99,7 +99,9 @@ def _extent(solution: Solution) -> float:
     known = None if solution.extremal is None else solution.extremal.samples  # every solve passes here
     if known is not None:
         return float(np.ptp(known.y, axis=1).max())
-    return float(np.ptp(solution.curve(np.linspace(solution.x.min(), solution.x.max(), SAMPLES), 0), axis=1).max())
+    return float(
+        np.ptp(solution.curve(np.linspace(solution.x.min(), solution.x.max(), PLACES_FOR_EXTENT), 0), axis=1).max()
+    )
 
 
 def _grows_linearly(problem: Problem, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> bool:

@@ -25,7 +25,7 @@ from varcalc.symbolic.joins import joined
 from varcalc.symbolic.switches import CONTINUOUS, alike, arguments, switches
 from varcalc.symbolic.tracing import Expression
 
-SAMPLES = 201
+PLACES_FOR_GROWTH = 201
 """Abscissae at which it is seen whether L grows with the greater branch."""
 ABOVE = 1e-2
 """How far above both branches a function begins, in units of their largest size on the curve and on one bent aside."""
@@ -51,12 +51,12 @@ def epigraph_form(form: Form, curve: Sampled) -> Form | None:
     kinks = _kinks(form)
     if kinks is None or not kinks.tops:
         return None
-    s = np.linspace(*form.span, SAMPLES)
+    s = np.linspace(*form.span, PLACES_FOR_GROWTH)
     seen = kinks.along(form, curve(s), s)
     if seen is None:
         return None
     greater, sizes = seen
-    arch = height(form) * form.start.bumps.sum(axis=0)[:, None] * (1 - np.linspace(-1, 1, SAMPLES) ** 2)
+    arch = height(form) * form.start.bumps.sum(axis=0)[:, None] * (1 - np.linspace(-1, 1, PLACES_FOR_GROWTH) ** 2)
     bent = kinks.along(form, curve(s) + arch, s)
     # one branch may be zero wherever it is the greater
     room = ABOVE * np.hstack([sizes] if bent is None else [sizes, bent[1]]).max(axis=1, keepdims=True)

@@ -33,7 +33,7 @@ SHOTS = 8
 """Newton's steps that close an orbit."""
 STAYS_CLOSED = 1e-5
 """Of the largest singular value: directions in which a neighbour stays a closed orbit, which closing leaves alone."""
-SAMPLES, MOST_SAMPLES = 128, 1 << 16
+FEWEST_SAMPLES, MOST_SAMPLES = 128, 1 << 16
 """Times at which L is summed over a period."""
 AGREED = 1e-14
 WAVES, MOST_WAVES = 8, 512
@@ -247,7 +247,7 @@ def _along(function: PointEvaluator, motion: Motion, count: int) -> np.ndarray:
 
 def _action(motion: Motion, lagrangian: PointEvaluator) -> float:
     """The integral of L by sums over equal parts, which converge faster than any power on what is periodic."""
-    period, count, before = motion.span[1], SAMPLES, np.nan
+    period, count, before = motion.span[1], FEWEST_SAMPLES, np.nan
     while True:
         values = _along(lagrangian, motion, count)[:, 0]
         total = float(np.sum(values)) * period / count

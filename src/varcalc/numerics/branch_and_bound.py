@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-MOST_BOXES, HALVINGS = 20_000, 60
+MOST_HALVED, BOX_HALVINGS = 20_000, 60
 """Boxes of one size that are halved, the lowest where there are more, and how often."""
 
 AtPoints = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -40,7 +40,7 @@ def least_points(
     """
     best, least = np.full((len(low), len(enough)), np.nan), np.array(enough)
     halves = [np.array(which)[:, None] for which in product((False, True), repeat=len(low))]
-    for _ in range(HALVINGS):
+    for _ in range(BOX_HALVINGS):
         middle = 0.5 * (low + high)
         values = value(middle, number)
         order = np.argsort(-values, kind="stable")  # of several with one number the last one stays: the lowest
@@ -48,8 +48,8 @@ def least_points(
         best[:, number[order]], least[number[order]] = middle[:, order], values[order]
         lowest = bound(low, high, number)
         kept = np.flatnonzero(lowest < least[number] - near * np.isfinite(best[0, number]))
-        if len(kept) > MOST_BOXES:  # a well may be long: some of it is enough
-            kept = kept[np.argsort(lowest[kept], kind="stable")[: MOST_BOXES // len(halves)]]
+        if len(kept) > MOST_HALVED:  # a well may be long: some of it is enough
+            kept = kept[np.argsort(lowest[kept], kind="stable")[: MOST_HALVED // len(halves)]]
         low, middle, high, number = low[:, kept], middle[:, kept], high[:, kept], number[kept]
         if not len(number):
             break

@@ -30,7 +30,7 @@ CHECKED = np.array([-0.613, 0.287])
 """Where that is looked at, in a panel from -1 to 1."""
 MOST_RATIO = 30.0
 """Of the largest to the least value in a panel: beside what is large, what is small has no digits."""
-HALVINGS = 12
+PANEL_HALVINGS = 12
 """Of a panel; one that is no smooth function's even so is given up."""
 PARTINGS = 20
 """Halvings of a panel after which a part in which a polynomial has both a zero and a flat place is one place."""
@@ -125,13 +125,13 @@ def proxies(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.
     kept: list[tuple[np.ndarray, ...]] = []
     count = int(family.max(initial=-1)) + 1
     given_up, looked_at = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
-    for halving in range(HALVINGS + 1):
+    for halving in range(PANEL_HALVINGS + 1):
         values = _sampled(functions, family, low, high)
         looked_at += values.shape[1] * np.bincount(family, minlength=count)
         fine, series = _series(functions, family, low, high, values)
         kept.append((family[fine], low[fine], high[fine], series[fine]))
         hopeless = np.any(np.all(np.isneginf(values), axis=1), axis=1) & ~fine  # nothing is known anywhere in the panel
-        if halving == HALVINGS:
+        if halving == PANEL_HALVINGS:
             hopeless = ~fine
         given_up += np.bincount(family[hopeless], minlength=count)
         rest = np.flatnonzero(~fine & ~hopeless)

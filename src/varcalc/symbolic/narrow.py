@@ -19,7 +19,7 @@ from varcalc.symbolic.variation import NARROWING, VARYING, Between, Rules, gentl
 
 COARSEST, FINEST = 3, 30
 """How often the square is halved to begin with, and at most."""
-MOST_BOXES, SOME_BOXES = 2048, 256
+MOST_QUARTERED, SOME_BOXES = 2048, 256
 """Boxes of one size that are quartered; and how many of them still are, evenly among all, where there are more."""
 LOG_OF_NOTHING = 50.0
 """Logarithm of what is divided by where what is left is nothing."""
@@ -91,7 +91,7 @@ def narrow_places(function: ca.Function, middle: np.ndarray, width: float) -> Na
             # at the last it is a point where the expression is not smooth
             found.append(_boxes(at, corner, size, settled=True))
             break
-        if len(at) > MOST_BOXES:
+        if len(at) > MOST_QUARTERED:
             chosen = np.zeros(len(at), dtype=bool)
             chosen[np.linspace(0, len(at) - 1, SOME_BOXES).astype(int)] = True
             found.append(_boxes(at[~chosen], corner, size, settled=False))

@@ -27,7 +27,7 @@ from varcalc.symbolic.variation import gentle_boxes
 
 TIME, ANGLES = 1, 2
 """The columns of the integrals, after τ, that hold the time and the first of the angles."""
-MOST_BOXES = 4000
+MOST_PLACES_OF_POTENTIAL = 4000
 """Places at which a potential that varies fast is looked at."""
 DISTANCES = np.geomspace(1e-12, 1e12, 600)
 """Distances along a line at which a potential is looked at to begin with."""
@@ -152,4 +152,4 @@ class _TracedPotential:
     def gentle(self) -> np.ndarray:
         u, (low, high) = ca.SX.sym("u"), self._span
         edges = np.array([low, (low + high) / 2, high])
-        return gentle_boxes(ca.Function("g", [u], [self.function(u)[0]]), edges, MOST_BOXES)[1:-1]
+        return gentle_boxes(ca.Function("g", [u], [self.function(u)[0]]), edges, MOST_PLACES_OF_POTENTIAL)[1:-1]

@@ -19,7 +19,7 @@ UPRIGHT_MARGIN = 1.0
 """How far beyond upright and upside down the cubic is looked at, so that a root there lies inside."""
 HALF_PERIOD_PLACES = 33
 """Places of half a period at which rates are looked at for their size."""
-HALVINGS = 500
+HALVINGS_NEXT_TO_POLE = 500
 """Of a panel, next to a pole."""
 LAST_DIGITS = 1e-12
 """Of a root: a step that is longer is no correction of its last digits."""
@@ -136,7 +136,7 @@ def _half_period(way: CoordinateMotion) -> np.ndarray:
     """
     rates = way.integrands(np.linspace(0.0, way.period / 2, HALF_PERIOD_PLACES)[None])[1]
     known = np.abs(rates[:, 0]).mean(axis=1) * way.period / 2
-    half = integrals(way, np.zeros(1), np.full(1, way.period / 2), known[None], HALVINGS)[0, :3]
+    half = integrals(way, np.zeros(1), np.full(1, way.period / 2), known[None], HALVINGS_NEXT_TO_POLE)[0, :3]
     if not np.all(np.isfinite(half)):
         raise ValueError("the integrals over a period of this nutation are not resolved")
     return half

@@ -22,7 +22,7 @@ from varcalc.symbolic.variation import gentle_boxes
 
 LOG_RADIUS_LIMIT = 300.0
 """Of |ln r|: beyond it r² is no number."""
-MOST_BOXES = 2000
+MOST_PLACES_OF_POTENTIAL = 2000
 """Places at which a potential that varies fast is looked at."""
 DIGITS_KEPT = 0.1
 """Of a radius: farther from it differences of a potential have their digits."""
@@ -113,7 +113,7 @@ class RadialPiece:
         scale = np.exp(np.linspace(-LOG_RADIUS_LIMIT, LOG_RADIUS_LIMIT, 5))
         inside = scale[(scale > self.inner) & (scale < self.outer)]
         ends = max(self.inner, scale[0]), min(self.outer, scale[-1])
-        edges = gentle_boxes(function, np.unique([*ends, *inside]), MOST_BOXES)
+        edges = gentle_boxes(function, np.unique([*ends, *inside]), MOST_PLACES_OF_POTENTIAL)
         ((low, high),) = enclosures(function, [[(edges[:-1], edges[1:])]])[0]
         size = np.broadcast_to(np.maximum(np.abs(low), np.abs(high)), (len(edges) - 1,))
         felt = np.flatnonzero(size > negligible)

@@ -74,7 +74,7 @@ SHIFT = -1.5
 """Multiple of the lowest eigenvalue by which a Hessian is shifted that is not positive."""
 DEPENDENT = 1e-13
 """Share of the largest gradient of a condition by which another has to differ from it."""
-MANY_ITERATIONS, HALVINGS = 20, 6
+MANY_ITERATIONS, FEW_HALVINGS = 20, 6
 """Newton steps, and halvings of one, after which one value of many is left to a solve of its own."""
 
 
@@ -558,7 +558,7 @@ def _searched(
     trial = system.evaluate(moved)
     found = sound(system, trial) & merit.falls(trial, 1.0)
     length, correcting = 1.0, len(system.levels) > 0
-    for _ in range(HALVINGS + correcting):
+    for _ in range(FEW_HALVINGS + correcting):
         left = np.flatnonzero(~found)
         if not len(left):
             break

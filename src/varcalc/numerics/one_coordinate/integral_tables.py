@@ -28,7 +28,7 @@ from varcalc.numerics.one_coordinate.slopes import SameSlopes
 
 LOWEST, WIDTH, PANELS = -64.0, 2.0, 52
 """Of the logarithm: where panels begin, how wide they are at first, and how many there are."""
-HALVINGS = 2
+TABLE_HALVINGS = 2
 """Of these."""
 LEAF_TOLERANCE = 1e-13
 """Of the whole integral: how far off a motion between those interpolated may be."""
@@ -66,13 +66,13 @@ class SlopesTable:
         low = LOWEST + WIDTH * numbers
         high, owner = low + WIDTH, numbers
         made: dict[int, list[tuple[float, int]]] = {int(number): [] for number in numbers}
-        for halving in range(HALVINGS + 1):
+        for halving in range(TABLE_HALVINGS + 1):
             again, rounded = [], self.slopes.rounded(low)
             for k, leaf in enumerate(leaves(self.slopes, low, high)):
                 if leaf is not None and leaf[1] <= max(LEAF_TOLERANCE, rounded[k]):
                     made[int(owner[k])].append((float(low[k]), len(self.leaves)))
                     self.leaves.append(leaf[0])
-                elif leaf is None or halving == HALVINGS:
+                elif leaf is None or halving == TABLE_HALVINGS:
                     made[int(owner[k])].append((float(low[k]), -1))
                 else:
                     again.append(k)

@@ -18,7 +18,7 @@ from varcalc.numerics.one_coordinate.motions import CoordinateMotion
 NODES, WEIGHTS = gauss(16)
 AGREED = 1e-13
 """Of an integral: how well a panel must agree with its halves, which are better still."""
-HALVINGS = 40
+PANEL_HALVINGS = 40
 """Of a panel; what is not resolved by then is no smooth index."""
 FEW_HALVINGS = 8
 """The same, where a shorter step is the better answer."""
@@ -76,7 +76,7 @@ def _panel(way: Integrable, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarr
 
 
 def integrals(
-    way: Integrable, low: np.ndarray, high: np.ndarray, known: np.ndarray | float = 0.0, halvings: int = HALVINGS,
+    way: Integrable, low: np.ndarray, high: np.ndarray, known: np.ndarray | float = 0.0, halvings: int = PANEL_HALVINGS,
     agreed: np.ndarray | float = AGREED,
 ) -> np.ndarray:  # fmt: skip
     """The integrals (m, columns) from ``low`` to ``high`` (m,); not numbers where they are not resolved.
