@@ -78,8 +78,11 @@ class Within:
         return Attained(value, own.pieces, moved)
 
     def _level(self, ways: list[list[Poly]]) -> list[list[Poly]]:
-        """The ways with bumps on pieces that touch nothing, so that they all but leave what is integrated as it is."""
-        stated, bump = self.setting.statement, flint().arb_poly([1, 0, -1])
+        """The ways with bumps on pieces that touch nothing, so that they all but leave what is integrated as it is.
+
+        They are level at their ends, where a slope may be at its bound.
+        """
+        stated, bump = self.setting.statement, flint().arb_poly([1, 0, -2, 0, 1])
         free = [k for k, piece in enumerate(self.setting.pieces) if not self.bounds.touched[self._number(piece)]]
         offered = [(k, i) for k in free for i in range(stated.n)]
         if not offered:

@@ -43,10 +43,18 @@ def least_polygons(problem: Functional) -> list[Valley]:
         landscape = AlongAxes(departures, axes)
         x, y, values = refined(landscape, x, starts, step, MOST)
     found = [Valley(x, landscape.along(_drawn(x, row))(x).T, float(v), False) for row, v in zip(y, values, strict=True)]
-    found = _distinct(found)
-    if problem.n == 1 and not departures.waypoints and not ca.depends_on(problem.integrand, problem.symbols.x):
-        found = list(map(_in_the_middle, found))
-    return list(map(marked, found))
+    return list(map(marked, _distinct(found)))
+
+
+def in_the_middle(problem: Functional, valley: Valley) -> Valley:
+    """The polygon with its pieces in an order in which what rises or falls most lies half way.
+
+    Where L is without x that may lie anywhere, if nothing but two fixed ends is asked of one function.
+    """
+    plain = not problem.constraints and problem.start.fixed and problem.end.fixed and valley.y.shape[1] == 1
+    if not plain or ca.depends_on(problem.integrand, problem.symbols.x):
+        return valley
+    return _turned(valley)
 
 
 def _polygonal(problem: Functional) -> bool:
@@ -112,7 +120,7 @@ def _distinct(found: list[Valley]) -> list[Valley]:
     return kept
 
 
-def _in_the_middle(valley: Valley) -> Valley:
+def _turned(valley: Valley) -> Valley:
     """The polygon with its pieces in an order in which what rises or falls most lies half way."""
     rises = np.diff(valley.y, axis=0)[:, 0]
     size = np.abs(rises)

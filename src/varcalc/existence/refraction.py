@@ -17,6 +17,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from varcalc.existence.above_kinks import above_kinks, as_held
+from varcalc.existence.directions import polygonal
 from varcalc.existence.held_throughout import Curve, held_throughout
 from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
@@ -37,6 +38,7 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, crowded, integrals, singular_inside
 from varcalc.problem.conditions import Bound, Constraint
+from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.problem.reading import names, text
@@ -53,6 +55,8 @@ WIDER = (10.0, 1e3, 1e5)
 """Those that are tried in turn where the first is too narrow for any curve to be found."""
 FOLLOWED = (4.0, 40.0, 400.0)
 """What is as small as so many widths is followed rather than crossed, where that leads to a curve that stands."""
+STILL = (1e-2, 3e-3)
+"""What is as small along a least polygon is followed, in the same units."""
 COARSE = Ritz(elements=24, degree=3, refine=False)
 STEPS_ALONG_KINKS = 60
 """Iterations in which a curve that follows kinks is found where it does: a few."""
@@ -95,6 +99,18 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     if rounded is None:  # rounding off the greater of two convex branches may leave nothing convex
         form = formulate(problem)
         return above_kinks(form, method, tol, guess or form.start.curve)
+    solution, met = _broken_near(problem, method, tol, guess, rounded)
+    met = [c for c in met if not c.switch.smooth]  # there the equations of a smooth problem hold
+    if solution is not None or not met:
+        return solution
+    found_above = above_kinks(formulate(problem), method, tol, partial(_ordinates, rounded[0]))
+    return found_above or _none_stands(problem, method, met)
+
+
+def _broken_near(
+    problem: Problem, method: Ritz, tol: float, guess: Sampled | None, rounded: tuple[Curve, float, Points]
+) -> tuple[Solution | None, list[Crossing]]:
+    """The least curve that meets switches as the ``rounded`` one does, or None; and the switches that one meets."""
     curve, width, points = rounded
     nodes = np.linspace(*problem.span, NODES)
     sizes, _ = units([switch.argument for switch in on_curve(problem)], problem.symbols.all, points)
@@ -103,23 +119,49 @@ def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | No
     last: list[Crossing] | None = None
     for followed in FOLLOWED:
         small = max(followed * width, ARGUMENT_ROUND_OFF)
-        found = crossings(problem, curve, nodes, problem.unknown_guesses, small, np.array(sizes))
-        found = _one_at_once(problem, curve, found)
-        found = [c for c in _breaking(problem, found) if not _repels(problem, curve, c)]
+        found = _met(problem, curve, nodes, small, np.array(sizes))
         if last is not None and _alike(problem, found, last):  # what they led to is known
             continue
-        last = found
         rides = any(c.until is not None for c in found)
-        if (solution := _least(problem, method, tol, curve, found, riding=rides and not tried)) is not None:
-            return solution
+        solution = _least(problem, method, tol, curve, found, riding=rides and not tried)
+        if solution is None and last is None and guess is None:
+            solution = _by_polygons(problem, method, tol)
+        if solution is not None:
+            return solution, found
+        last = found
         tried = tried or rides  # that side's problem is the same whatever counts as near
         # what is only near a switch, in units of the rounding, is for the smooth problem to decide
         met = found if followed == FOLLOWED[0] else met
-    met = [c for c in met if not c.switch.smooth]  # there the equations of a smooth problem hold
-    if not met:
+    return None, met
+
+
+def _met(problem: Problem, curve: Curve, nodes: np.ndarray, small: float, sizes: np.ndarray) -> list[Crossing]:
+    """The switches that a curve meets, or follows where they are less than ``small`` in their ``sizes``."""
+    found = crossings(problem, curve, nodes, problem.unknown_guesses, small, sizes)
+    found = _one_at_once(problem, curve, found)
+    return [c for c in _breaking(problem, found) if not _repels(problem, curve, c)]
+
+
+def _by_polygons(problem: Problem, method: Ritz, tol: float) -> Solution | None:
+    """The minimum that meets switches as the least polygon does, which rests where it should; None for none.
+
+    Under bounds nothing is tried that was tried without them.
+    """
+    if proved_jointly_convex(problem) or any(problem.of_type(Bound)):
         return None
-    found_above = above_kinks(formulate(problem), method, tol, partial(_ordinates, curve))
-    return found_above or _none_stands(problem, method, met)
+    from varcalc.existence.least_polygons import least_polygons  # few curves come to this
+
+    for valley in least_polygons(problem)[:1]:
+        curve = polygonal(valley.x, valley.y.T)
+        points = _points(problem, partial(_ordinates, curve))
+        sizes, _ = units([switch.argument for switch in on_curve(problem)], problem.symbols.all, points)
+        nodes = np.union1d(valley.x, 0.5 * (valley.x[1:] + valley.x[:-1]))
+        for small in STILL:
+            found = _met(problem, curve, nodes, small, np.array(sizes))
+            riding = any(c.until is not None for c in found)
+            if (solution := _least(problem, method, tol, curve, found, riding=riding)) is not None:
+                return solution
+    return None
 
 
 def _clear_of_bounds(problem: Problem, method: Ritz, tol: float, guess: Sampled | None) -> Solution | None:
@@ -127,7 +169,9 @@ def _clear_of_bounds(problem: Problem, method: Ritz, tol: float, guess: Sampled 
     others = [c for c in problem.constraints if not isinstance(c, Bound) or c.interval[0] == c.interval[1]]
     if len(others) == len(problem.constraints):
         return None
-    free = refracted(_under(problem, others), method, tol, guess)
+    bare = _under(problem, others)
+    rounded = _rounded(bare, guess)
+    free = None if rounded is None else _broken_near(bare, method, tol, guess, rounded)[0]
     if free is None or free.curve is None or not free.status.ok:
         return None
     met = _breaking(problem, met_by(replace(free, problem=problem), FOLLOWED_TO))
@@ -168,8 +212,22 @@ def _least(
 
 
 def _breaking(problem: Problem, found: list[Crossing]) -> list[Crossing]:
-    """The crossings but those of a slope at which L is smooth after all: the equations hold there, unbroken."""
-    return [c for c in found if not (c.switch.smooth and c.switch.depends_on(problem.symbols.highest))]
+    """The crossings but those of a slope at which L is smooth after all: the equations hold there, unbroken.
+
+    What is crossed at the end of a stretch along which it is followed is none either: round-off is.
+    """
+    near = NEAR_ENDS * (problem.span[1] - problem.span[0])
+    rides = [c for c in found if c.until is not None]
+    followed = [c for c in found if c.until is None and any(_beside(c, ride, near) for ride in rides)]
+    smooth = [c for c in found if c.switch.smooth and c.switch.depends_on(problem.symbols.highest)]
+    return [c for c in found if not any(c is other for other in (*followed, *smooth))]
+
+
+def _beside(crossing: Crossing, ride: Crossing, near: float) -> bool:
+    """Whether a crossing lies on a stretch along which the same switch is followed, or by less than ``near`` off it."""
+    assert ride.until is not None
+    same = crossing.switch is ride.switch and crossing.level == ride.level
+    return same and ride.x - near <= crossing.x <= ride.until + near
 
 
 def _alike(problem: Problem, found: list[Crossing], others: list[Crossing]) -> bool:

@@ -241,7 +241,8 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
         told(type(method).__name__)
         solution = _made_out(_attempt(problem, method, tol, guess))
         # whoever gives a guess asks for the valley it lies in
-        if failure is None and guess is None and not solution.status.ok and solution.verdict is None:
+        unguided = failure is None and guess is None and not solution.status.ok and solution.verdict is None
+        if unguided and not _without_x(problem):
             solution = _from_polygons(problem, tol, told) or solution
         if not solution.status.ok:
             solution = _once_more(solution, method, tol)
@@ -253,6 +254,8 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
             return solution
         failure = failure or solution
         found = None if guide is None else _guided(problem, guide(), tol, guess, told)
+        if unguided and found is None and _without_x(problem):
+            found = _from_polygons(problem, tol, told)
         if found is not None and found.status.ok:
             return found
         if degenerate:
@@ -261,17 +264,20 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
     return _guided(problem, _collocation(), tol, guess, told) or failure
 
 
+def _without_x(problem: Functional) -> bool:
+    """Whether L holds no x, so that there is a first integral."""
+    return not ca.depends_on(problem.integrand, problem.symbols.x)
+
+
 def _from_polygons(problem: Functional, tol: float, told: Told) -> Solution | None:
     """The answer in the valley of a least polygon; None where none was found."""
-    if proved_jointly_convex(problem):
+    if proved_jointly_convex(problem) or breakable(problem):  # what switches was begun from them before
         return None
-    from varcalc.existence.least_polygons import least_polygons  # few solves need them
+    from varcalc.existence.least_polygons import in_the_middle, least_polygons  # few solves need them
 
     told("polygons")
     polygons = least_polygons(problem)
-    ways = [(IN_NARROW, p, p.marks) for p in polygons] + [(FINE, p, ()) for p in polygons]
-    if breakable(problem):  # what switches has a mesh of its own
-        ways = [(LADDER[0], p, ()) for p in polygons[:1]]
+    ways = [(IN_NARROW, p, p.marks) for p in polygons] + [(FINE, in_the_middle(problem, p), ()) for p in polygons]
     for method, polygon, marks in ways:
         solution = _polished(problem, tol, method, polygon, marks)
         if solution.status.ok:
