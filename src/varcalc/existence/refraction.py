@@ -55,8 +55,11 @@ WIDER = (10.0, 1e3, 1e5)
 """Those that are tried in turn where the first is too narrow for any curve to be found."""
 FOLLOWED = (4.0, 40.0, 400.0)
 """What is as small as so many widths is followed rather than crossed, where that leads to a curve that stands."""
-STILL = (1e-2, 3e-3)
-"""What is as small along a least polygon is followed, in the same units."""
+STILL, MOST_OF_POLYGON = (1e-2, 3e-3), 8
+"""What is as small along a least polygon is followed, in the same units, and crossings of one that tell of anything.
+
+One that would rest on a jump waves across it.
+"""
 COARSE = Ritz(elements=24, degree=3, refine=False)
 STEPS_ALONG_KINKS = 60
 """Iterations in which a curve that follows kinks is found where it does: a few."""
@@ -158,6 +161,8 @@ def _by_polygons(problem: Problem, method: Ritz, tol: float) -> Solution | None:
         nodes = np.union1d(valley.x, 0.5 * (valley.x[1:] + valley.x[:-1]))
         for small in STILL:
             found = _met(problem, curve, nodes, small, np.array(sizes))
+            if len(found) > MOST_OF_POLYGON:
+                continue
             riding = any(c.until is not None for c in found)
             if (solution := _least(problem, method, tol, curve, found, riding=riding)) is not None:
                 return solution
