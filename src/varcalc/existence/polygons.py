@@ -474,16 +474,13 @@ def _edges(landscape: Landscape, x: np.ndarray, c: np.ndarray, ends: tuple[float
 
     Where there is none at an abscissa it is the end of the levels.
     """
-    found = []
+    found, rows = [], np.arange(len(c))
     for end in ends:
-        kept, beyond = c.copy(), np.full(len(c), end)
-        tried = c + np.linspace(0, 1, LEVELS)[:, None] * (beyond - c)
+        tried = c + np.linspace(0, 1, LEVELS)[:, None] * (end - c)
         barred = ~np.isfinite(values_of(landscape, x, tried, np.zeros(1)))
         if not barred.any():
             continue
-        first = np.maximum(np.argmax(barred, axis=0), 1)
-        rows = np.arange(len(c))
-        closed = barred.any(0)
+        first, closed = np.maximum(np.argmax(barred, axis=0), 1), barred.any(0)
         kept, beyond = (np.where(closed, tried[k, rows], end) for k in (first - 1, first))
         for _ in range(BISECTIONS):
             middle = 0.5 * (kept + beyond)
