@@ -46,6 +46,76 @@ def test_a_chord_is_not_called_least_beside_a_narrow_one(place, width):
     assert told or found.value == pytest.approx(least, rel=1e-9)
 
 
+SWITCHED = {
+    # the form of a slot, and the integral of the root of 1 - form from its middle, or the edge it is kept to, to u = 1
+    "box": (lambda u: ca.if_else(ca.fabs(u) < 1, 1, 0), 0.0),
+    "two steps": (lambda u: ca.if_else(u > -1, 1, 0) - ca.if_else(u > 1, 1, 0), 0.0),
+    "tent": (lambda u: ca.fmax(0, 1 - ca.fabs(u)), 2 / 3),
+    "parabola": (lambda u: ca.fmax(0, 1 - u**2), 1 / 2),
+    "square": (lambda u: ca.fmax(0, 1 - u**2) ** 2, (2 * np.sqrt(2) - 1) / 3),
+}
+
+
+@pytest.mark.parametrize("form", SWITCHED)
+@pytest.mark.parametrize("width", [1e-1, 1e-3])
+def test_a_slot_that_ends_at_kinks_or_jumps_is_entered(form, width):
+    """v^2/2 = 30 (1 - form) on the way there, and back: a chord that never meets a switch is no minimum."""
+    slot, inside = SWITCHED[form]
+    place = 1.3
+    found = vc.solve(
+        vc.Problem(lambda x, y, v: v**2 / 2 - DEPTH * slot((y - place) / width), vc.Fixed(0, 0), vc.Fixed(LENGTH, 0))
+    )
+    least = -DEPTH * LENGTH + 2 * np.sqrt(2 * DEPTH) * (place - width + width * inside)
+    assert found.value == pytest.approx(least, rel=1e-10)
+    assert not found.local
+    assert abs(found.value - least) <= 10 * found.error.value + 1e-12 * abs(least)
+
+
+@pytest.mark.parametrize("form", SWITCHED)
+@pytest.mark.parametrize("width", [1e-4, 1e-6])
+def test_no_slot_is_too_narrow_to_be_told_of(form, width):
+    slot, inside = SWITCHED[form]
+    found = vc.solve(
+        vc.Problem(lambda x, y, v: v**2 / 2 - DEPTH * slot((y - 1.3) / width), vc.Fixed(0, 0), vc.Fixed(LENGTH, 0)),
+        throw=False,
+    )
+    least = -DEPTH * LENGTH + 2 * np.sqrt(2 * DEPTH) * (1.3 - width + width * inside)
+    assert found.local or not found.status.ok or found.value == pytest.approx(least, rel=1e-9)
+
+
+def test_a_slot_that_runs_down_from_the_chord_is_followed_at_its_level():
+    """Between two steps of y, v^2/2 = 1 on a way at rest at the nearer edge: the chord falls from -1/2 to -1."""
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2 - ca.if_else(y > -0.15, 1, 0) + 3 * ca.if_else(y > -0.1, 1, 0),
+            vc.Fixed(0, -0.5), vc.Fixed(2, -1),
+        )
+    )  # fmt: skip
+    assert found.value == pytest.approx(-2 + np.sqrt(2) * (0.35 + 0.85), rel=1e-9)
+    assert not found.local
+
+
+@pytest.mark.parametrize("width", [1e-1, 1e-3, 1e-5])
+@pytest.mark.parametrize("form", ["tent", "parabola", "square"])
+def test_an_end_goes_into_a_well_of_its_cost_that_ends_at_kinks(form, width):
+    """The curve to y1 adds y1^2/(2 T) to a cost -5 f((y1 - c)/w)."""
+    slot, _ = SWITCHED[form]
+    place, T = 1.3, 2.0
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2, vc.Fixed(0, 0), vc.Free(T),
+            end_cost=lambda a, ya, b, yb: -5 * slot((yb - place) / width),
+        )
+    )  # fmt: skip
+    well = {"tent": lambda u: 1 - abs(u), "parabola": lambda u: 1 - u**2, "square": lambda u: (1 - u**2) ** 2}[form]
+    least = minimize_scalar(
+        lambda u: (place + width * u) ** 2 / (2 * T) - 5 * well(u), bounds=(-1, 1), method="bounded",
+        options={"xatol": 1e-12},
+    ).fun  # fmt: skip
+    assert found.value == pytest.approx(least, rel=1e-10)
+    assert not found.local
+
+
 @pytest.mark.parametrize("share", [0.1, 0.2])
 @pytest.mark.parametrize("elements", [16, 64])
 def test_a_mesh_that_holds_a_turn_where_it_is_makes_no_answer(elements, share):

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.symbolic.variation import LOCAL, VARYING, Between, excess, gentle, gentle_across
+from varcalc.symbolic.variation import LOCAL, SWITCHED, VARYING, Between, excess, gentle, gentle_across
 
 U = ca.SX.sym("u")
 
@@ -63,6 +63,21 @@ def test_a_step_between_samples_hides_its_form(step):
 
 
 @pytest.mark.parametrize(
+    "switched",
+    [
+        ca.fabs(U - 0.3), ca.sign(U - 0.3), ca.fmax(U, 0.3), ca.fmin(0.3, U), ca.if_else(U < 0.3, 1, 0),
+        ca.if_else(U <= 0.3, 1, 0), ca.floor(U + 0.7), ca.ceil(U - 0.3), ca.fmod(U, 0.3), ca.remainder(U, 0.6),
+        ca.copysign(1, U - 0.3),
+    ],
+)  # fmt: skip
+def test_what_switches_hides_what_lies_between_its_sides(switched):
+    function = ca.Function("f", [U], [switched])
+    for low, high, hides in ((0.1, 0.5, True), (0.31, 0.5, False), (0.02, 0.29, False)):
+        box = [[Between((np.array([low]), np.array([high])), np.array([low]), np.array([high]))]]
+        assert bool(excess(function, box, (1,), SWITCHED)[0] > 1) is hides
+
+
+@pytest.mark.parametrize(
     ("written", "expected"),
     [
         (lambda x, y, v: y * ca.sqrt(1 + v**2), True),
@@ -76,6 +91,11 @@ def test_a_step_between_samples_hides_its_form(step):
         (lambda x, y, v: v**2 / 2 - 2**y, False),
         (lambda x, y, v: ca.sqrt(1 + y**2 + v**2), False),
         (lambda x, y, v: v**2 / 2 + ca.tanh(y / 1e-4), False),
+        (lambda x, y, v: v**2 / 2 + ca.if_else(y > 1, 1, 0), False),
+        (lambda x, y, v: v**2 / 2 + ca.fmax(y, 1), False),
+        (lambda x, y, v: v**2 / 2 + ca.floor(y), False),
+        (lambda x, y, v: v**2 / 2 + ca.if_else(x > 1, 1, 0) * y, True),
+        (lambda x, y, v: ca.fabs(v) + y**2, True),
     ],
 )
 def test_whether_anything_narrow_can_come_of_the_place_alone(written, expected):

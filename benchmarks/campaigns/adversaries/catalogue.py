@@ -50,6 +50,7 @@ FAMILIES = {
     "spots": Family("soft spots of width 1e-6 to 0.1", narrow.spots),
     "grains": Family("loads on a width of 1e-6 to 0.1", narrow.grains),
     "slots": Family("slots in y of width 1e-6 to 0.1", narrow.slots),
+    "switched slots": Family("slots in y with kinks and jumps", narrow.switched_slots),
     "fast loads": Family("loads of frequency 10 to 1e5", fast.fast_loads),
     "fast coefficients": Family("stiffnesses of frequency 10 to 1e5", fast.fast_coefficients),
     "walls": Family("walls and wells in y", energy.walls),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import casadi as ca
@@ -13,6 +14,9 @@ from campaigns.adversaries.momentum import about, pieces, quadratic, weighted
 from campaigns.adversaries.switches import heights
 from campaigns.least import Least
 from campaigns.statement import Statement
+
+Form = Callable[[ca.SX], ca.SX]
+"""The form of a slot, in units of its width from the middle."""
 
 
 def width_of(random: np.random.Generator, least: float = -6, most: float = -1) -> float:
@@ -55,28 +59,51 @@ def grains(random: np.random.Generator) -> Statement:
 
 
 def slots(random: np.random.Generator) -> Statement:
-    """v^2/2 - D f((y - c)/w), f one of exp(-u^2) and 1/(1 + u^2): a motion that stays in a slot far from both ends.
+    """v^2/2 - D f((y - c)/w), f one of exp(-u^2) and 1/(1 + u^2)."""
+    tailed = random.uniform() < 0.5
+    form: Form = (lambda u: 1 / (1 + u**2)) if tailed else (lambda u: ca.exp(-(u**2)))
 
-    Without energy beyond that at the bottom v^2/2 = D (1 - f), up to what is exp(-length/w).
+    def speed(u: float) -> float:
+        return float(np.sqrt(u**2 / (1 + u**2) if tailed else -np.expm1(-(u**2))))
+
+    def way(far: float) -> float:
+        edges = [0.0, *(e for e in (3.0, 30.0, 3e3, 3e5) if e < far), far]
+        return sum(quad(speed, a, b, limit=200, epsrel=1e-13)[0] for a, b in pairwise(edges))
+
+    return _slot(random, form, way)
+
+
+def switched_slots(random: np.random.Generator) -> Statement:
+    """The same where f is nothing beyond u = 1: a box, a tent, a parabola, its square, or two steps.
+
+    A motion along the bottom of a box, or between two steps, keeps to the edge; the integrals over the others are
+    elementary.
+    """
+    forms: list[tuple[Form, float]] = [
+        (lambda u: ca.if_else(ca.fabs(u) < 1, 1, 0), 0.0),
+        (lambda u: ca.if_else(u > -1, 1, 0) - ca.if_else(u > 1, 1, 0), 0.0),
+        (lambda u: ca.fmax(0, 1 - ca.fabs(u)), 2 / 3),
+        (lambda u: ca.fmax(0, 1 - u**2), 1 / 2),
+        (lambda u: ca.fmax(0, 1 - u**2) ** 2, (2 * np.sqrt(2) - 1) / 3),
+    ]
+    form, inside = forms[random.integers(len(forms))]
+    return _slot(random, form, lambda far: far - 1 + inside)
+
+
+def _slot(random: np.random.Generator, form: Form, way: Callable[[float], float]) -> Statement:
+    """v^2/2 - D f((y - c)/w): a motion that stays in a slot far from both ends.
+
+    Without energy beyond that at the bottom v^2/2 = D (1 - f), up to what is exp(-length/w); ``way`` is the integral of
+    the root of 1 - f from the bottom to some u.
     """
     w, c = width_of(random), random.choice([-1, 1]) * random.uniform(0.4, 1.5)
     length, rise = random.uniform(2, 12), random.uniform(-0.3, 0.3)
     far = abs(c), abs(c - rise)
     D = max(3.0, 32 * (sum(far) / length) ** 2) * 10 ** random.uniform(0, 1.5)
-    tailed = random.uniform() < 0.5
-
-    def way(distance: float) -> float:
-        def speed(u: float) -> float:
-            return float(np.sqrt(u**2 / (1 + u**2) if tailed else -np.expm1(-(u**2))))
-
-        edges = [0.0, *(e for e in (3.0, 30.0, 3e3, 3e5) if e < distance / w), distance / w]
-        return w * sum(quad(speed, a, b, limit=200, epsrel=1e-13)[0] for a, b in pairwise(edges))
-
-    least = Least(-D * length + np.sqrt(2 * D) * (way(far[0]) + way(far[1])))
+    least = Least(-D * length + np.sqrt(2 * D) * w * sum(way(distance / w) for distance in far))
+    turns = far[0] / np.sqrt(2 * D), length - far[1] / np.sqrt(2 * D)
 
     def L(x: ca.SX, y: ca.SX, v: ca.SX) -> ca.SX:
-        u2 = ((y - c) / w) ** 2
-        return v**2 / 2 - D * (1 / (1 + u2) if tailed else ca.exp(-u2))
+        return v**2 / 2 - D * form((y - c) / w)
 
-    turns = far[0] / np.sqrt(2 * D), length - far[1] / np.sqrt(2 * D)
     return Statement(L, (0.0, 0.0), (length, rise), least, points=turns)

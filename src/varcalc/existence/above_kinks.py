@@ -18,8 +18,8 @@ from varcalc.numerics.resampled import resampled
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 
-GAUSS_POINTS = 24
-"""Points an element at which a curve's functional is summed again."""
+GAUSS_POINTS, POINTS_A_DEGREE = 24, 2
+"""Points an element at which a curve's functional is summed again: so many, and so many of each of its degrees."""
 HELD = 1e-7
 """Difference, relative to what is summed, of a curve's functional and what was found of it, which the sum may make."""
 ORDINATE_ROUND_OFF = 1e-14
@@ -48,7 +48,7 @@ def above_kinks(form: Form, method: Ritz, tol: float, curve: Sampled) -> Solutio
 def as_held(problem: Problem, solution: Solution) -> bool:
     """Whether a curve's functional, with its switches where the curve puts them, is what was found of its parts."""
     assert solution.curve is not None
-    x, weights = composite_gauss(solution.x, GAUSS_POINTS)
+    x, weights = composite_gauss(solution.x, max(GAUSS_POINTS, POINTS_A_DEGREE * solution.stats.degree))
     y, dy = solution.curve(x, 0), solution.curve(x, 1)
     ddy = solution.curve(x, 2) if problem.order == 2 else None
     unknowns = np.tile([solution.unknowns.get(name, np.nan) for name in problem.unknowns], (len(x), 1))

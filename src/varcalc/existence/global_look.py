@@ -35,7 +35,7 @@ from varcalc.existence.polygons import (
 from varcalc.formulation import Sampled
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
-from varcalc.problem.breaks import integrals
+from varcalc.problem.breaks import breakable, integrals
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
 from varcalc.problem.convexity import proved_jointly_convex, proved_quadratic
 from varcalc.problem.functional import Functional
@@ -327,11 +327,11 @@ def _followed(
 ) -> Solution | None:
     """The first solution in a valley that is lower, or the known one marked for a polygon that is; None for neither."""
     sign, (rough_way, exact_way) = best.problem.sign, ways
-    bounded = any(best.problem.of_type(Bound))
+    seen_first = any(best.problem.of_type(Bound)) or breakable(best.problem)
     for valley in valleys:
-        if bounded and valley.y.ndim == 1:
+        if seen_first and valley.y.ndim == 1:
             # an interior-point method may leave a valley, and takes long: what lies in it is first seen by polygons
-            if (found := _beside_bounds(best, lattice, valley, polish)) is not None:
+            if (found := _by_moved_polygon(best, lattice, valley, polish)) is not None:
                 return found
             continue
         start = lattice.landscape.along(valley.start)
@@ -351,7 +351,7 @@ def _followed(
     return None
 
 
-def _beside_bounds(best: Solution, lattice: Valleys, valley: Valley, polish: Polish) -> Solution | None:
+def _by_moved_polygon(best: Solution, lattice: Valleys, valley: Valley, polish: Polish) -> Solution | None:
     """The solution in a valley, or the known one marked for its polygon; None where even that is no lower."""
     from varcalc.existence.moved_polygons import moved_on
 

@@ -35,7 +35,7 @@ def least_polygons(problem: Functional) -> list[Valley]:
     if not _polygonal(problem):
         return []
     assert isinstance(problem, Problem)
-    departures = _from_line(formulate(problem))
+    departures = from_line(formulate(problem))
     with np.errstate(all="ignore"):
         axes, x, starts, step = _on_lattices(departures, _at_rest(problem))
         if not len(starts):
@@ -70,7 +70,7 @@ def _polygonal(problem: Functional) -> bool:
         return False
 
 
-def _from_line(form: Form) -> Departures:
+def from_line(form: Form) -> Departures:
     """The departures from the curve that a form is begun with."""
     x = np.union1d(np.linspace(*form.span, SEEN), form.conditions.knots)
     levels = [0.0] * len(form.problem.constraints)

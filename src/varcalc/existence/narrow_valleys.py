@@ -22,7 +22,7 @@ from varcalc.problem.problem import Curve
 from varcalc.solution import Solution
 from varcalc.symbolic.intervals import enclosures
 from varcalc.symbolic.narrow import RULES
-from varcalc.symbolic.variation import Between, excess
+from varcalc.symbolic.variation import SWITCHED, Between, Rules, excess
 
 MOST_FUNCTIONS = 3
 """Functions that are looked at together."""
@@ -43,7 +43,11 @@ FIRST_LINES = {1: 8, 2: 4, 3: 2}
 SHELLS = {1: 2.0 ** np.arange(-6, 6.25, 0.5), 2: 2.0 ** np.arange(-3, 6), 3: 4.0 ** np.arange(-1, 3)}
 """Departures between which boxes lie, either way, of so many functions, in units of the larger of size and interval."""
 LOWER_VALLEY = 1e-2
-"""How much lower, relative to what is summed, a shifted curve has to be, and how nearly the lowest one is told."""
+"""How much lower, relative to what is summed, a shifted curve has to be, and how nearly it is told how much it is."""
+HIDING: Rules = {**RULES, **SWITCHED}
+"""By what factor operations may go too far between samples for nothing to hide there."""
+SAME_DEPARTURE, ELSEWHERE = 1e-4, 2
+"""Difference, in units of the largest departure, of polygons in one place; lines on which one polygon may not be so."""
 Boxes = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Shifts (k, m) and (k, m) between which there may be something, and the number (m,) of the line each box lies on."""
 
@@ -65,7 +69,7 @@ class NarrowValleys:
         self._known = [self.landscape.values(x, *np.zeros((2, len(x), len(self._axes)))) for x, *_ in self._ways]
 
     def distinct(self) -> list[Valley]:
-        """The curve that is shifted evenly to the best place, and the one through the best places of all lines."""
+        """Curves into valleys, the lowest first: shifted evenly, at rest, and through the best places of all lines."""
         near = LOWER_VALLEY * self.summed
         low, high, number = self._first
         few = _first_lines(len(self._axes))[number]
@@ -75,27 +79,46 @@ class NarrowValleys:
         seen = np.isfinite(places[0])
         if not seen.any():
             return []
-        best = [int(np.argmin(least))]
-        lines = [best, *([np.flatnonzero(seen)] if seen.sum() > 1 else [])]
-        found = [self._valley(places[:, k], self._lines[k]) for k in lines]
-        return [valley for valley in found if valley.value < self.own_value - near]
+        best = int(np.argmin(least))
+        shifts = [lambda x: np.repeat(places[:, [best]], len(x), axis=1), self._at_rest(places[:, best], best)]
+        if seen.sum() > 1:
+            shifts.append(self._through(places[:, seen], self._lines[seen]))
+        kept: list[Valley] = []
+        for valley in sorted(map(self._valley, shifts), key=lambda valley: valley.value):
+            known = any(self._alike(valley, other) for other in kept)
+            if valley.value < self.own_value - near and not known:
+                kept.append(valley)
+        return kept
+
+    def _alike(self, valley: Valley, other: Valley) -> bool:
+        """Whether two polygons are one but for how they come into the valley."""
+        one, another = valley(self._lines), other(self._lines)
+        apart = np.abs(one - another).max(axis=0) > SAME_DEPARTURE * np.abs(another).max()
+        return np.count_nonzero(apart) <= ELSEWHERE
 
     def _least(
         self, low: np.ndarray, high: np.ndarray, number: np.ndarray, near: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """The best shifts (k, lines) on all lines, and by how much they are higher; NaN where none is lower."""
-        return least_points(low, high, number, self._value, self._bound, np.full(LINES, -near), near)
+        return least_points(low, high, number, self._value, self._bound, np.full(LINES, -near), near, LOWER_VALLEY)
 
-    def _valley(self, places: np.ndarray, lines: np.ndarray) -> Valley:
-        """The polygon through shifts (k, m) at some ``lines`` (m,), with the best way there and back."""
+    def _at_rest(self, place: np.ndarray, line: int) -> Sampled:
+        """The shifts to the ordinates that a shift by ``place`` (k,) leads to on one of the lines."""
+        ordinates = self._curve[:, line] + self._axes.T @ place
+        to_shifts = np.linalg.pinv(self._axes.T)
+        return lambda x: to_shifts @ (ordinates[:, None] - self._departures.curve(x, 0))
+
+    def _through(self, places: np.ndarray, lines: np.ndarray) -> Sampled:
+        """The shifts through ``places`` (k, m) on some ``lines`` (m,), which change no more beyond."""
         from scipy.interpolate import CubicSpline  # few curves are shifted
-        from scipy.optimize import minimize_scalar
 
-        def shifted(x: np.ndarray) -> np.ndarray:
-            if len(lines) == 1:
-                return np.repeat(places, len(x), axis=1)
-            beside = self._length / LINES
-            return CubicSpline(lines, places, axis=1)(np.clip(x, lines[0] - beside, lines[-1] + beside))
+        beside = self._length / LINES
+        through = CubicSpline(lines, places, axis=1)
+        return lambda x: through(np.clip(x, lines[0] - beside, lines[-1] + beside))
+
+    def _valley(self, shifted: Sampled) -> Valley:
+        """The polygon that is ``shifted``, with the best way there and back."""
+        from scipy.optimize import minimize_scalar
 
         def polygon(shares: list[float]) -> tuple[float, np.ndarray, np.ndarray]:
             """By how much it is higher, its abscissae, and its departures."""
@@ -171,10 +194,11 @@ class NarrowValleys:
         """The same at least between two shifts, (k, m) each."""
         level = self._level(low, high, number)
         unknown = np.isneginf(level)  # where L ends in a box nothing is known of it but what it is at points
-        at_corners = [self._level(at[:, unknown], at[:, unknown], number[unknown]) for at in (low, high)]
-        level = level.copy()
-        level[unknown] = np.min([np.where(np.isfinite(v), v, np.inf) for v in at_corners], axis=0)
-        level -= self._own[number]
+        if unknown.any():
+            at_corners = [self._level(at[:, unknown], at[:, unknown], number[unknown]) for at in (low, high)]
+            level = level.copy()
+            level[unknown] = np.min([np.where(np.isfinite(v), v, np.inf) for v in at_corners], axis=0)
+        level = level - self._own[number]
         nearest = np.where(np.abs(low) < np.abs(high), low, high)  # of the way there this is the cheapest
         return self._by_way(level, nearest).min(0)
 
@@ -193,10 +217,14 @@ def narrow_valleys(solution: Solution, ordinates: Sampled | None = None) -> Narr
 
     Their shifts are told from a polygon beside the curve where its ``ordinates`` (n, m) are given as a function.
     """
-    problem = solution.problem
+    return narrow_about(Departures.of(solution, None if ordinates is None else _polygon(solution, ordinates)))
+
+
+def narrow_about(departures: Departures) -> NarrowValleys | None:
+    """The same of departures from any curve."""
+    problem = departures.problem
     if problem.symbols.kind is not ca.SX or problem.order > 1 or problem.n > MOST_FUNCTIONS:
         return None
-    departures = Departures.of(solution, None if ordinates is None else _polygon(solution, ordinates))
     boxes = _boxes(departures, _lines(departures)[_first_lines(len(departures.axes))])
     return NarrowValleys(departures, boxes) if len(boxes[2]) else None
 
@@ -234,7 +262,7 @@ def _boxes(departures: Departures, lines: np.ndarray) -> Boxes:
     y, slopes = (departures.curve(lines, k)[:, number] for k in (0, 1))
     place = [Between((a, b), a, b) for a, b in zip(*(y + shift for shift in _between(axes, low, high)), strict=True)]
     at, slope, *numbers = ([_fixed(row) for row in rows] for rows in ([x], slopes, *departures.numbers))
-    over = excess(stated(problem), [at, place, slope, [], *numbers], x.shape, RULES)
+    over = excess(stated(problem), [at, place, slope, [], *numbers], x.shape, HIDING)
     hides = np.flatnonzero(over > 1.0)
     if len(hides):
         still = [np.zeros(len(hides))] * problem.n

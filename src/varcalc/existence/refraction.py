@@ -19,7 +19,8 @@ from numpy.polynomial import Polynomial
 from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.directions import polygonal
 from varcalc.existence.held_throughout import Curve, held_throughout
-from varcalc.formulation import Form, Refraction, Ride, Sampled, Stated, broken_form, conditions_of, formulate
+from varcalc.existence.rounded import Rounded, ordinates_of, points_along, rounded, sizes_at
+from varcalc.formulation import Refraction, Ride, Sampled, broken_form, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
 from varcalc.formulation.height import height
 from varcalc.methods.answer import lifted, runs_forwards
@@ -43,16 +44,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.problem.reading import names, text
 from varcalc.solution import Solution, Status, no_answer
-from varcalc.symbolic.derived import Cache
-from varcalc.symbolic.switches import smoothed, units
-from varcalc.symbolic.tracing import Expression
 
-Points = Sequence[Sequence[np.ndarray]]
-
-ROUNDED = (0.3, 0.05, 0.01, 2e-3)
-"""Widths over which switches are rounded off, in turn, relative to the size of what switches."""
-WIDER = (10.0, 1e3, 1e5)
-"""Those that are tried in turn where the first is too narrow for any curve to be found."""
 FOLLOWED = (4.0, 40.0, 400.0)
 """What is as small as so many widths is followed rather than crossed, where that leads to a curve that stands."""
 STILL, MOST_OF_POLYGON = (1e-2, 3e-3), 8
@@ -60,7 +52,8 @@ STILL, MOST_OF_POLYGON = (1e-2, 3e-3), 8
 
 One that would rest on a jump waves across it.
 """
-COARSE = Ritz(elements=24, degree=3, refine=False)
+HALF_WAY = 3.0
+"""How much more, in the same units, what is followed may be along a narrow valley than in the middle."""
 STEPS_ALONG_KINKS = 60
 """Iterations in which a curve that follows kinks is found where it does: a few."""
 ROUGH_DEGREE = 6
@@ -75,8 +68,9 @@ ROUNDS = 6
 """Times that pieces are put together anew."""
 BESIDE_KINK = 1e-3
 """Change of the highest derivative, in units of 1 and of its own, over which it is seen which way a kink points."""
-BESIDE_JUMP = 1e-3
-"""Distance from a jump, in units of what counts as on it, at which a curve runs that would run along it."""
+BESIDE_JUMP, FURTHER_ASIDE = 1e-3, 10.0
+"""Distance from a jump, in units of what counts as on it, at which a curve runs that would run along it; and by what
+factor it grows where the curve strays across all the same."""
 ARCH = Polynomial([0.0, 0.0, 16.0, -32.0, 16.0])
 """A bump on [0, 1] that is level at its ends."""
 BUMPS, BUMP_ROUND_OFF = (1e-4, 1e-6), 1e-13
@@ -84,55 +78,67 @@ BUMPS, BUMP_ROUND_OFF = (1e-4, 1e-6), 1e-13
 BUMP_ELEMENTS, BUMP_POINTS = 8, 12
 NODES = 49
 """Abscissae between which a rounded curve is looked at."""
-PLACES_FOR_SIZES = 33
-"""Places of a line at which it is seen how large what switches is."""
+PLACES_OF_PIECE = 33
+"""Places of a piece at which it is seen whether it runs along a jump."""
 SAME_PLACE = 1e-9
 """Share of the interval by which two crossings at one place may differ."""
 MOST = 40
 """Crossings of one curve that are treated."""
 
 
-def refracted(problem: Functional, method: Ritz, tol: float, guess: Sampled | None) -> Solution | None:
-    """The minimum with its crossings made out, or the refusal that says what was met; None where no switch is met."""
+def refracted(
+    problem: Functional, method: Ritz, tol: float, guess: Sampled | None, marks: Sequence[float] = ()
+) -> Solution | None:
+    """The minimum with its crossings made out, or the refusal that says what was met; None where no switch is met.
+
+    A guess with ``marks`` is a polygon that meets what the minimum does.
+    """
     if not (isinstance(problem, Problem) and breakable(problem)):
         return None
+    if marks and guess is not None:
+        solution, met = _as_polygon(problem, method, tol, guess, marks)
+        return solution if solution is not None or not met else _none_stands(problem, method, met)
     if (solution := _clear_of_bounds(problem, method, tol, guess)) is not None:
         return solution
-    rounded = _rounded(problem, guess)
-    if rounded is None:  # rounding off the greater of two convex branches may leave nothing convex
+    about = rounded(problem, guess)
+    if about is None:  # rounding off the greater of two convex branches may leave nothing convex
         form = formulate(problem)
         return above_kinks(form, method, tol, guess or form.start.curve)
-    solution, met = _broken_near(problem, method, tol, guess, rounded)
+    solution, met = _broken_near(problem, method, tol, guess, about)
     met = [c for c in met if not c.switch.smooth]  # there the equations of a smooth problem hold
     if solution is not None or not met:
         return solution
-    found_above = above_kinks(formulate(problem), method, tol, partial(_ordinates, rounded[0]))
+    found_above = above_kinks(formulate(problem), method, tol, ordinates_of(about.curve))
     return found_above or _none_stands(problem, method, met)
 
 
 def _broken_near(
-    problem: Problem, method: Ritz, tol: float, guess: Sampled | None, rounded: tuple[Curve, float, Points]
+    problem: Problem, method: Ritz, tol: float, guess: Sampled | None, about: Rounded
 ) -> tuple[Solution | None, list[Crossing]]:
-    """The least curve that meets switches as the ``rounded`` one does, or None; and the switches that one meets."""
-    curve, width, points = rounded
+    """The least curve that meets switches as a rounded one does, or None; and the switches that one meets."""
     nodes = np.linspace(*problem.span, NODES)
-    sizes, _ = units([switch.argument for switch in on_curve(problem)], problem.symbols.all, points)
     met: list[Crossing] = []
-    tried = False
+    ridden = False
     last: list[Crossing] | None = None
-    for followed in FOLLOWED:
-        small = max(followed * width, ARGUMENT_ROUND_OFF)
-        found = _met(problem, curve, nodes, small, np.array(sizes))
+    polygons = guess is None
+    if polygons and not about.stands:
+        polygons = False
+        if (solution := _by_polygons(problem, method, tol)) is not None:
+            return solution, []
+    for followed in FOLLOWED if about.stands else FOLLOWED[:1]:
+        small = max(followed * about.width, ARGUMENT_ROUND_OFF)
+        found = _met(problem, about.curve, nodes, small, about.sizes)
         if last is not None and _alike(problem, found, last):  # what they led to is known
             continue
         rides = any(c.until is not None for c in found)
-        solution = _least(problem, method, tol, curve, found, riding=rides and not tried)
-        if solution is None and last is None and guess is None:
+        solution = _least(problem, method, tol, about.curve, found, riding=rides and not ridden)
+        if solution is None and polygons:
+            polygons = False
             solution = _by_polygons(problem, method, tol)
         if solution is not None:
             return solution, found
         last = found
-        tried = tried or rides  # that side's problem is the same whatever counts as near
+        ridden = ridden or rides  # that side's problem is the same whatever counts as near
         # what is only near a switch, in units of the rounding, is for the smooth problem to decide
         met = found if followed == FOLLOWED[0] else met
     return None, met
@@ -148,25 +154,55 @@ def _met(problem: Problem, curve: Curve, nodes: np.ndarray, small: float, sizes:
 def _by_polygons(problem: Problem, method: Ritz, tol: float) -> Solution | None:
     """The minimum that meets switches as the least polygon does, which rests where it should; None for none.
 
-    Under bounds nothing is tried that was tried without them.
+    Narrow valleys come first, of which that one shows nothing. Under bounds nothing is tried that was tried without
+    them.
     """
     if proved_jointly_convex(problem) or any(problem.of_type(Bound)):
         return None
-    from varcalc.existence.least_polygons import least_polygons  # few curves come to this
+    from varcalc.existence.least_polygons import from_line, least_polygons  # few curves come to this
+    from varcalc.existence.narrow_valleys import narrow_about
 
+    with np.errstate(all="ignore"):
+        narrow = narrow_about(from_line(formulate(problem)))
+        valleys = [] if narrow is None else narrow.distinct()
+    for valley in valleys:
+        polygon = narrow.landscape.along(valley)
+        if (found := _as_polygon(problem, method, tol, polygon, valley.marks)[0]) is not None:
+            return found
     for valley in least_polygons(problem)[:1]:
-        curve = polygonal(valley.x, valley.y.T)
-        points = _points(problem, partial(_ordinates, curve))
-        sizes, _ = units([switch.argument for switch in on_curve(problem)], problem.symbols.all, points)
-        nodes = np.union1d(valley.x, 0.5 * (valley.x[1:] + valley.x[:-1]))
-        for small in STILL:
-            found = _met(problem, curve, nodes, small, np.array(sizes))
-            if len(found) > MOST_OF_POLYGON:
-                continue
-            riding = any(c.until is not None for c in found)
-            if (solution := _least(problem, method, tol, curve, found, riding=riding)) is not None:
-                return solution
+        return _as_polygon(problem, method, tol, valley, valley.x.tolist(), STILL)[0]
     return None
+
+
+def _as_polygon(
+    problem: Problem, method: Ritz, tol: float, polygon: Sampled, marks: Sequence[float], still: Sequence[float] = ()
+) -> tuple[Solution | None, list[Crossing]]:
+    """The minimum that meets switches as a ``polygon`` with ``marks`` does, or None; and the switches it meets.
+
+    What is as small along it as one of ``still`` is followed; without them, what is as small half way as one of all.
+    """
+    nodes = np.union1d(marks, np.linspace(*problem.span, NODES))
+    curve = polygonal(nodes, polygon(nodes))
+    sizes = sizes_at(problem, points_along(problem, ordinates_of(curve)))
+    found: list[Crossing] = []
+    for small in still or _small_half_way(problem, curve, sizes):
+        # the least curve need not go through what is smooth because the polygon did
+        found = [c for c in _met(problem, curve, nodes, small, sizes) if not c.switch.smooth]
+        if len(found) > MOST_OF_POLYGON:
+            continue
+        riding = any(c.until is not None for c in found)
+        if (solution := _least(problem, method, tol, curve, found, riding=riding)) is not None:
+            return solution, found
+    return None, found
+
+
+def _small_half_way(problem: Problem, curve: Curve, sizes: np.ndarray) -> list[float]:
+    """What kinks may be followed by: round-off, and what each is but for a factor in the middle of a narrow valley."""
+    middle = np.array([0.5 * sum(problem.span)])
+    at = np.abs(arguments_along(problem, curve, middle, problem.unknown_guesses)[:, 0]) / sizes
+    kinks = [not (switch.jumps or switch.smooth) for switch in on_curve(problem)]
+    near = HALF_WAY * at[kinks]
+    return [ARGUMENT_ROUND_OFF, *sorted(near[(near > ARGUMENT_ROUND_OFF) & (near < STILL[0])].tolist())]
 
 
 def _clear_of_bounds(problem: Problem, method: Ritz, tol: float, guess: Sampled | None) -> Solution | None:
@@ -175,8 +211,8 @@ def _clear_of_bounds(problem: Problem, method: Ritz, tol: float, guess: Sampled 
     if len(others) == len(problem.constraints):
         return None
     bare = _under(problem, others)
-    rounded = _rounded(bare, guess)
-    free = None if rounded is None else _broken_near(bare, method, tol, guess, rounded)[0]
+    about = rounded(bare, guess)
+    free = None if about is None else _broken_near(bare, method, tol, guess, about)[0]
     if free is None or free.curve is None or not free.status.ok:
         return None
     met = _breaking(problem, met_by(replace(free, problem=problem), FOLLOWED_TO))
@@ -247,6 +283,7 @@ def _alike(problem: Problem, found: list[Crossing], others: list[Crossing]) -> b
 
 def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
     """The least curve broken where ``curve`` meets switches, or where that one does, until it meets no others."""
+    on_jump: float | None = None  # the value along a curve on a jump itself
     for _ in range(ROUNDS):
         solution = None if len(found) > MOST else _broken_at(problem, method, tol, curve, found)
         if solution is None or solution.curve is None:
@@ -261,14 +298,22 @@ def _settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: li
         if not as_held(problem, solution):
             aside = _aside(problem, curve, found, solution)
             if not _alike(problem, aside, found):
+                on_jump = solution.value if on_jump is None else on_jump
                 found = aside
                 continue
             if not unmet(problem, seen, _corners(solution)):
                 return None
         elif not unmet(problem, seen, _corners(solution)):
-            return solution if _held_there(problem, solution, seen) else None
-        curve, found = solution.curve, seen
+            return _off_by(solution, on_jump) if _held_there(problem, solution, seen) else None
+        curve, found, on_jump = solution.curve, seen, None
     return None
+
+
+def _off_by(solution: Solution, on_jump: float | None) -> Solution:
+    """The solution with what it is off by for running beside a jump and not on it, as its value there tells."""
+    if on_jump is None:
+        return solution
+    return replace(solution, error=replace(solution.error, value=solution.error.value + abs(solution.value - on_jump)))
 
 
 def _held_there(problem: Problem, solution: Solution, seen: list[Crossing]) -> bool:
@@ -330,7 +375,7 @@ def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solu
     if len(edges) != len(began):
         return found
     switches, numbers = [switch.argument for switch in on_curve(problem)], problem.unknown_guesses
-    ways = [np.linspace(a, b, PLACES_FOR_SIZES) for a, b in pairwise(edges)]
+    ways = [np.linspace(a, b, PLACES_OF_PIECE) for a, b in pairwise(edges)]
     along = [arguments_along(problem, solution.curve, way, numbers) for way in ways]
     middles = arguments_along(problem, curve, 0.5 * (began[1:] + began[:-1]), numbers)
     moved = list(found)
@@ -339,8 +384,9 @@ def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solu
         small = ARGUMENT_ROUND_OFF * max(float(np.abs(piece[number]).max()) for piece in along)
         for piece in (k, k + 1):
             if c.switch.jumps and np.abs(along[piece][number] - c.level).max() <= small:
-                side = float(np.sign(middles[number, piece] - c.level))
-                moved[k] = replace(c, level=c.level + BESIDE_JUMP * small * side)
+                jump = round(c.level)
+                away = max(BESIDE_JUMP * small, FURTHER_ASIDE * abs(c.level - jump))
+                moved[k] = replace(c, level=jump + away * float(np.sign(middles[number, piece] - jump)))
     return moved
 
 
@@ -359,7 +405,7 @@ def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: 
     if not kept and any(isinstance(piece, Ride) for piece in pieces):
         ways.insert(1, (True, replace(plainly, degree=ROUGH_DEGREE, refine=False)))
     for keeping, way in ways:
-        form = broken_form(problem, [], partial(_ordinates, curve), None, pieces, keeping=keeping)
+        form = broken_form(problem, [], ordinates_of(curve), None, pieces, keeping=keeping)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             solution = way.solve(form, tol=tol, guess=None)
         extremal = solution.extremal
@@ -459,62 +505,6 @@ def _piece(problem: Problem, crossing: Crossing) -> Refraction | Ride:
         start = first if crossing.x - first < near else crossing.x
         return Ride(start, last if last - crossing.until < near else crossing.until, surface)
     return Refraction(crossing.x, None if switch.depends_on(s.highest) else surface)
-
-
-def _rounded(problem: Problem, guess: Sampled | None) -> tuple[Curve, float, Points] | None:
-    """A coarse minimum with all switches rounded off, less and less, the last width, and where its units were taken.
-
-    The units in which a width is meant are those along the last curve. A line that all but keeps to a switch is none to
-    take them from: what is rounded off too little to begin with is rounded off more.
-    """
-    plain = formulate(problem)
-    points = _points(problem, plain.start.curve)
-    found: tuple[Curve, float, Points] | None = None
-    widths = list(ROUNDED)
-    wider = list(WIDER)
-    while widths:
-        form = _smooth(problem, plain, widths[0], points)
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            solution = COARSE.solve(form, tol=1e-6, guess=guess)
-        if solution.curve is not None and np.isfinite(solution.value):
-            found = solution.curve, widths.pop(0), points
-            guess = partial(_ordinates, solution.curve)
-            points = _points(problem, guess)
-        elif found is None and wider:
-            widths.insert(0, wider.pop(0))
-        else:
-            break
-    return found
-
-
-def _ordinates(curve: Curve, x: np.ndarray) -> np.ndarray:
-    return curve(x, 0)
-
-
-def _points(problem: Problem, line: Sampled) -> Points:
-    """What L depends on, along a line: one array for each entry of a symbol."""
-    x = np.linspace(*problem.span, PLACES_FOR_SIZES)
-    y = line(x)
-    slopes = np.gradient(y, x, axis=1)
-    slopes = np.where(
-        np.abs(slopes) * np.ptp(x) <= ARGUMENT_ROUND_OFF * np.abs(y).max(), 0.0, slopes
-    )  # made of round-off
-    bends = np.gradient(slopes, x, axis=1)[: problem.symbols.ddy.numel()]
-    numbers = [[np.array(v) for v in values] for values in (problem.parameter_values, problem.unknown_guesses)]
-    return [[x], list(y), list(slopes), list(bends), *numbers]
-
-
-def _smooth(problem: Problem, plain: Form, width: float, points: Points) -> Form:
-    s = problem.symbols
-
-    def rewrite(expression: Expression, _: bool) -> Expression:
-        sizes = units([expression], s.all, points)[1]
-        return smoothed([expression], s.all, [width * size for size in sizes])[0]
-
-    integrand = problem.sign * rewrite(problem.integrand, True)
-    coordinates = replace(plain.coordinates, stated=Stated(s, integrand, integrand), numbers=None)
-    conditions = conditions_of(problem, rewrite, plain.conditions.knots, plain.conditions.waypoints)
-    return replace(plain, coordinates=coordinates, conditions=conditions, cache=Cache(), elsewhere=None)
 
 
 def smooth_or_refused(solution: Solution) -> Solution:

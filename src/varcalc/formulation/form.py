@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -224,6 +224,13 @@ class Form:
     def sign(self) -> float:
         """-1.0 where the functional is to be greatest."""
         return self.problem.sign
+
+    def on_mesh(self, vertices: Sequence[float]) -> Form:
+        """The form with more ``vertices`` that every mesh has."""
+        if not len(vertices):
+            return self
+        knots = tuple(sorted({*self.conditions.knots, *vertices}))
+        return replace(self, conditions=replace(self.conditions, knots=knots), cache=Cache())
 
     @property
     def stated(self) -> Stated | StatedLater:

@@ -31,12 +31,12 @@ def boxes_about(edges: np.ndarray, dimension: int) -> tuple[np.ndarray, np.ndarr
 
 def least_points(
     low: np.ndarray, high: np.ndarray, number: np.ndarray, value: AtPoints, bound: InBoxes,
-    enough: np.ndarray, near: float,
+    enough: np.ndarray, near: float, share: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Where each of several functions is least, (f, k), and how low it is there, (k,), to within ``near``.
+    """Where each of several functions is least, (f, k), and how low it is there, (k,).
 
-    The boxes between ``low`` (f, m) and ``high`` are of the functions with the ``number`` (m,). What is not lower than
-    ``enough`` (k,) is not looked for: its place is NaN.
+    It is known to within ``near``, or that ``share`` of itself. The boxes between ``low`` (f, m) and ``high`` are of
+    the functions with the ``number`` (m,). What is not lower than ``enough`` (k,) is not looked for: its place is NaN.
     """
     best, least = np.full((len(low), len(enough)), np.nan), np.array(enough)
     halves = [np.array(which)[:, None] for which in product((False, True), repeat=len(low))]
@@ -47,7 +47,8 @@ def least_points(
         order = order[values[order] < least[number[order]]]
         best[:, number[order]], least[number[order]] = middle[:, order], values[order]
         lowest = bound(low, high, number)
-        kept = np.flatnonzero(lowest < least[number] - near * np.isfinite(best[0, number]))
+        room = np.maximum(near, share * np.abs(least)) * np.isfinite(best[0])
+        kept = np.flatnonzero(lowest < (least - room)[number])
         if len(kept) > MOST_HALVED:  # a well may be long: some of it is enough
             kept = kept[np.argsort(lowest[kept], kind="stable")[: MOST_HALVED // len(halves)]]
         low, middle, high, number = low[:, kept], middle[:, kept], high[:, kept], number[kept]

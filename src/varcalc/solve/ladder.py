@@ -44,7 +44,7 @@ from varcalc.solution import (
 )
 from varcalc.solve.warm_start import resolved
 from varcalc.spelling import spelled
-from varcalc.symbolic.derived import Cache, answered
+from varcalc.symbolic.derived import answered
 from varcalc.verify.between import Unseen, as_stated, balanced, of_powers_alone, unseen
 from varcalc.verify.slopes import vouched
 
@@ -171,7 +171,7 @@ def _next_to_polygon(problem: Functional, tol: float, method: Ritz, polygon: Pol
 
 
 def _next_to(problem: Functional, tol: float, method: Ritz, start: Sampled, marks: tuple[float, ...] = ()) -> Solution:
-    known = _broken(problem, method, tol, start)
+    known = _broken(problem, method, tol, start, marks)
     if known is not None:
         return known
     return (
@@ -324,17 +324,14 @@ def _on_its_mesh(problem: Functional, tol: float, extremal: Solution) -> Solutio
 
 def _on_mesh(problem: Functional, method: Ritz, tol: float, start: Sampled, vertices: Sequence[float]) -> Solution:
     """The answer of the direct method from a curve, on elements between ``vertices``."""
-    form = _with_knots(formulate(problem), vertices)
+    form = formulate(problem).on_mesh(vertices)
     solution = _in_form(method, form, tol, start)
     return _made_out(_vouched(replace(solution, method=LADDER[0]), None, form, forms(problem)))
 
 
-def _with_knots(form: Form, vertices: Sequence[float]) -> Form:
-    knots = tuple(sorted({*form.conditions.knots, *vertices}))
-    return replace(form, conditions=replace(form.conditions, knots=knots), cache=Cache())
-
-
-def _broken(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution | None:
+def _broken(
+    problem: Functional, method: Method, tol: float, guess: Guess, marks: Sequence[float] = ()
+) -> Solution | None:
     """The answer of the direct method in pieces, or a refusal, where its curve meets what switches; None elsewhere."""
     if not (isinstance(method, Ritz) and breakable(problem)):
         return None
@@ -342,7 +339,7 @@ def _broken(problem: Functional, method: Method, tol: float, guess: Guess) -> So
     found = at_constant_speed(problem, method, tol, start)
     if found is not None and unseen(found) is None and as_stated(found):
         return found
-    return refracted(problem, method, tol, start)
+    return refracted(problem, method, tol, start, marks)
 
 
 def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
@@ -483,7 +480,7 @@ def _on_finer_mesh(method: Method, form: Form, solution: Solution, missed: Unsee
     """The answer from a known curve on its own mesh with the marks of what that one missed."""
     # what the mesh has learnt is kept: its vertices, and its degree
     start, vertices = solution.extremal.evaluate, solution.extremal.vertices
-    form = _with_knots(form, [*vertices[1:-1].tolist(), *missed.marks.tolist()])
+    form = form.on_mesh([*vertices[1:-1].tolist(), *missed.marks.tolist()])
     finer = method
     if isinstance(method, Ritz):
         degree = min(solution.stats.degree, FINER_DEGREE) if method.refine and method.degree is None else method.degree

@@ -106,7 +106,7 @@ def _none(rows: Expression, variables: Expression, switch: Switch) -> bool:
             [size for size in map(np.abs, _at([rows], variables, points)) if np.isfinite(size).all()]
             for points in (_points_on(switch, variables, wide * STARTS), wide * STARTS)
         )
-        if np.any(np.array(on) > UNFELT * np.max(off, axis=0, initial=0.0)):
+        if on and np.any(np.array(on) > UNFELT * np.max(off, axis=0, initial=0.0)):
             return False
         tried += len(on)
     return tried >= ENOUGH_POINTS

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import casadi as ca
@@ -19,6 +19,7 @@ import numpy as np
 from varcalc.symbolic.instructions import BINARY, KEPT_FUNCTIONS, UNARY, Call, Instruction, instructions, program
 from varcalc.symbolic.intervals import Interval, applied, constant
 from varcalc.symbolic.look_up import cells, knots
+from varcalc.symbolic.switches import ONE_SIDED, PAIRED, STEPPED
 
 CHANGE = 1.5
 """By how much the argument of a function of scale 1 (exp, sin, tanh) may change."""
@@ -99,7 +100,7 @@ def gentle_across(function: ca.Function, argument: int) -> bool:
             kinds[i.target] = max(of)
         elif i.operation in MAKING_POWERS and max(of) <= power and (of[1:] in ([], [fixed]) or _divides(i, of)):
             kinds[i.target] = power
-        elif i.operation in NARROWING and (i.operation != ca.OP_DIV or of[1] != fixed):
+        elif i.operation in SWITCHED or (i.operation in NARROWING and (i.operation != ca.OP_DIV or of[1] != fixed)):
             return False
         else:
             kinds[i.target] = other
@@ -280,6 +281,21 @@ def _length(a: Between, b: Between) -> np.ndarray:
     return Between(range_, np.hypot(a.first, b.first), np.hypot(a.last, b.last)).factor
 
 
+def _switches(*operands: Between) -> np.ndarray:
+    """More than 1 where zero lies between what is compared: a pair of switches hides anything between them."""
+    low, high = operands[0].range
+    if len(operands) > 1:
+        low, high = low - operands[1].range[1], high - operands[1].range[0]
+    return np.where((low <= 0) & (high >= 0) & (low < high), 2.0, 0.0)
+
+
+def _steps(*operands: Between, beyond: float = 0.0) -> np.ndarray:
+    """The same where so far ``beyond`` a whole multiple of the second operand, or of 1, lies in the first's range."""
+    size = np.maximum(*map(np.abs, operands[1].range)) if len(operands) > 1 else 1.0
+    low, high = (v / size + beyond for v in operands[0].range)
+    return np.where(np.floor(low) != np.floor(high), 2.0, 0.0)
+
+
 FIRST_DEGREE = {ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE}
 """Operations that keep what is of first degree so."""
 MULTIPLES = {ca.OP_MUL, ca.OP_NEG, ca.OP_TWICE}
@@ -300,6 +316,12 @@ VARYING: Rules = {
     ca.OP_ATANH: _from_one, ca.OP_POW: _power, ca.OP_CONSTPOW: _power, ca.OP_HYPOT: _length, ca.OP_ATAN2: _length,
 }  # fmt: skip
 """The same with the operations that vary by the factor by which their operand changes."""
+SWITCHED: Rules = {
+    **dict.fromkeys(ONE_SIDED | PAIRED, _switches), **dict.fromkeys(STEPPED, _steps),
+    ca.OP_REMAINDER: partial(_steps, beyond=0.5),  # from the nearest multiple: it jumps half way between two
+    ca.OP_COPYSIGN: lambda a, b: np.fmax(_switches(a), _switches(b)),
+}  # fmt: skip
+"""More than 1 where an operation is not smooth between samples."""
 SEEN_FROM_AFAR = {ca.OP_SIN, ca.OP_COS, ca.OP_TAN}
 """Operations that are nowhere nothing: a series tells of them wherever it is begun."""
 NARROWING = frozenset(VARYING) - SEEN_FROM_AFAR - {ca.OP_CALL}

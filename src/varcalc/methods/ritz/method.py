@@ -48,8 +48,8 @@ NO_DERIVATIVES = (
 )
 STEPS_FROM_NEARBY = 12
 """Newton steps that lead to a minimum from one nearby."""
-MOST_ITERATIONS = 600
-"""Iterations in all after which a solve is given up."""
+MOST_ITERATIONS, UNFINISHED = 600, 3
+"""Iterations in all after which a solve is given up; by IPOPT no more than what it may take on so many meshes."""
 SPLIT_DEGREE = 16
 """Degree kept while elements are bisected."""
 COARSE, COARSE_DEGREE = (16, 64), 4
@@ -237,7 +237,9 @@ class Rungs:
         if self.constrained and isinstance(self.optimiser, Newton):
             self.optimiser = Ipopt()
         self.inequalities = any(not c.equality for c in (*form.conditions.pathwise, *form.conditions.integrals))
-        self.iterations = 0
+        self.iterations, self.most = 0, MOST_ITERATIONS
+        if isinstance(self.optimiser, Ipopt):
+            self.most = min(self.most, UNFINISHED * self.optimiser.iterations)
 
     def first_space(self, elements: int, degree: int | None) -> Space:
         """The first mesh: equal elements and the form's knots."""
@@ -278,7 +280,7 @@ class Rungs:
 
     def optimise(self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> Rung | str:
         """A minimum near ``z``, or why there is none."""
-        if self.iterations > MOST_ITERATIONS:
+        if self.iterations > self.most:
             return f"{self.iterations} iterations led to no minimum"
         path: dict[Any, Any] = {}
         if isinstance(self.optimiser, Ipopt):
