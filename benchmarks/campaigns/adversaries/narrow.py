@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
 
 import casadi as ca
@@ -60,6 +61,7 @@ def grains(random: np.random.Generator) -> Statement:
 
 def slots(random: np.random.Generator) -> Statement:
     """v^2/2 - D f((y - c)/w), f one of exp(-u^2) and 1/(1 + u^2)."""
+    slot = _Slot.drawn(random)
     tailed = random.uniform() < 0.5
     form: Form = (lambda u: 1 / (1 + u**2)) if tailed else (lambda u: ca.exp(-(u**2)))
 
@@ -70,7 +72,7 @@ def slots(random: np.random.Generator) -> Statement:
         edges = [0.0, *(e for e in (3.0, 30.0, 3e3, 3e5) if e < far), far]
         return sum(quad(speed, a, b, limit=200, epsrel=1e-13)[0] for a, b in pairwise(edges))
 
-    return _slot(random, form, way)
+    return slot.statement(form, way)
 
 
 def switched_slots(random: np.random.Generator) -> Statement:
@@ -86,24 +88,40 @@ def switched_slots(random: np.random.Generator) -> Statement:
         (lambda u: ca.fmax(0, 1 - u**2), 1 / 2),
         (lambda u: ca.fmax(0, 1 - u**2) ** 2, (2 * np.sqrt(2) - 1) / 3),
     ]
+    slot = _Slot.drawn(random)
     form, inside = forms[random.integers(len(forms))]
-    return _slot(random, form, lambda far: far - 1 + inside)
+    return slot.statement(form, lambda far: far - 1 + inside)
 
 
-def _slot(random: np.random.Generator, form: Form, way: Callable[[float], float]) -> Statement:
-    """v^2/2 - D f((y - c)/w): a motion that stays in a slot far from both ends.
+@dataclass(frozen=True)
+class _Slot:
+    """A slot far from both ends, and how deep it is for a motion to stay in it."""
 
-    Without energy beyond that at the bottom v^2/2 = D (1 - f), up to what is exp(-length/w); ``way`` is the integral of
-    the root of 1 - f from the bottom to some u.
-    """
-    w, c = width_of(random), random.choice([-1, 1]) * random.uniform(0.4, 1.5)
-    length, rise = random.uniform(2, 12), random.uniform(-0.3, 0.3)
-    far = abs(c), abs(c - rise)
-    D = max(3.0, 32 * (sum(far) / length) ** 2) * 10 ** random.uniform(0, 1.5)
-    least = Least(-D * length + np.sqrt(2 * D) * w * sum(way(distance / w) for distance in far))
-    turns = far[0] / np.sqrt(2 * D), length - far[1] / np.sqrt(2 * D)
+    width: float
+    place: float
+    length: float
+    rise: float
+    depth: float
 
-    def L(x: ca.SX, y: ca.SX, v: ca.SX) -> ca.SX:
-        return v**2 / 2 - D * form((y - c) / w)
+    @classmethod
+    def drawn(cls, random: np.random.Generator) -> _Slot:
+        """One of any width."""
+        w, c = width_of(random), random.choice([-1, 1]) * random.uniform(0.4, 1.5)
+        length, rise = random.uniform(2, 12), random.uniform(-0.3, 0.3)
+        D = max(3.0, 32 * ((abs(c) + abs(c - rise)) / length) ** 2) * 10 ** random.uniform(0, 1.5)
+        return cls(w, c, length, rise, D)
 
-    return Statement(L, (0.0, 0.0), (length, rise), least, points=turns)
+    def statement(self, form: Form, way: Callable[[float], float]) -> Statement:
+        """v^2/2 - D f((y - c)/w): without energy beyond that at the bottom v^2/2 = D (1 - f), up to exp(-length/w).
+
+        ``way`` is the integral of the root of 1 - f from the bottom to some u.
+        """
+        w, c, D = self.width, self.place, self.depth
+        far = abs(c), abs(c - self.rise)
+        least = Least(-D * self.length + np.sqrt(2 * D) * w * sum(way(distance / w) for distance in far))
+        turns = far[0] / np.sqrt(2 * D), self.length - far[1] / np.sqrt(2 * D)
+
+        def L(x: ca.SX, y: ca.SX, v: ca.SX) -> ca.SX:
+            return v**2 / 2 - D * form((y - c) / w)
+
+        return Statement(L, (0.0, 0.0), (self.length, self.rise), least, points=turns)

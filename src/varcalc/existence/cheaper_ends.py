@@ -27,7 +27,7 @@ PIECES_OF_WAY = 10
 """Pieces of the way along which L is summed."""
 SHELLS = np.array([0.25, 1.0, 4.0, 16.0, 64.0, 1024.0])
 """Departures between which the first boxes lie, either way, in units of the larger of the curve's size and interval."""
-NARROW: Rules = {**VARYING, **SWITCHED}
+HIDES_WELLS: Rules = {**VARYING, **SWITCHED}
 """Operations of which a narrow well of what ends cost may come."""
 SECOND_STEP = 1e-4
 """Departure, in units of the curve's size, by which second derivatives are taken."""
@@ -143,6 +143,6 @@ def cheaper_ends(solution: Solution) -> CheaperEnds | None:
     if fixed or problem.symbols.kind is not ca.SX:
         return None
     cost, departures = end_cost(problem), Departures.of(solution)
-    if cost is None or gentle(cost, NARROW) or not 0 < sum(len(departures.free(k)) for k in (0, 1)) <= MOST_FREE:
+    if cost is None or gentle(cost, HIDES_WELLS) or not 0 < sum(len(departures.free(k)) for k in (0, 1)) <= MOST_FREE:
         return None
     return CheaperEnds(departures, cost)

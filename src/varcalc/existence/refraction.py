@@ -19,6 +19,7 @@ from numpy.polynomial import Polynomial
 from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.directions import polygonal
 from varcalc.existence.held_throughout import Curve, held_throughout
+from varcalc.existence.rests import with_rests
 from varcalc.existence.rounded import Rounded, ordinates_of, points_along, rounded, sizes_at
 from varcalc.formulation import Refraction, Ride, Sampled, broken_form, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
@@ -247,6 +248,9 @@ def _least(
             held = held_throughout(problem, method, curve, found)
         if held is not None and as_held(problem, held):
             return held
+        resting = with_rests(problem, method, tol, curve, found)
+        if resting is not None and as_held(problem, resting):
+            return resting
     if found and (solution := _settled(problem, method, tol, curve, found)) is not None:
         return solution
     return None

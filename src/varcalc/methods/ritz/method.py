@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from varcalc.formulation import Form, Sampled
+from varcalc.formulation import Contact, Form, Sampled
 from varcalc.formulation.height import flat
 from varcalc.methods.answer import AlongGraph, Extremal, SampledExtremal, answer, unsettled, with_ends
 from varcalc.methods.ritz.degeneracy import degenerate
@@ -177,24 +177,33 @@ class Ritz(Brief):
 
     def _at_steepest(self, form: Form, first: Solution, started: float, tol: float) -> Solution | None:
         """The answer with its slope at a bound where the ``first`` one's is, nearly; None where it does not count."""
-        contacts, guess, apart = steepest(form, first), first, math.inf
-        vertices: Sequence[float] = ()
+        contacts = steepest(form, first)
+        if not contacts or first.curve is None or (led := self.at_contacts(form, contacts, first.curve, tol)) is None:
+            return None
+        solution, contacts = led
+        found = Touching(at_bounds(form, contacts), tuple(contacts), form)
+        return found.plainly(self._timed(solution, first, started)) if found.counts(solution) else None
+
+    def at_contacts(
+        self, form: Form, contacts: Sequence[Contact], curve: Callable[[np.ndarray, int], np.ndarray], tol: float
+    ) -> tuple[Solution, list[Contact]] | None:
+        """The answer whose slope is given on ``contacts``, moved to where it sets out smoothly; None for none.
+
+        They are guesses, as the ``curve`` is, and may vanish; the form's pathwise conditions say what the slope is.
+        """
+        apart, vertices, contacts = math.inf, list[float](), list(contacts)
         for _ in range(STEPS_TO_ENDS):
-            if not contacts or guess.curve is None:
-                return None
-            held = at_bounds(form, contacts, vertices)
             way = replace(self, elements=1, degree=ON_KNOWN_MESH if vertices else None, starts=1)
-            nearly = tol if apart <= NEARLY_FOUND else max(tol, ROUGHLY)
-            solution = _Climb(way, held, nearly).run(partial(_ordinates, guess.curve))
-            if not solution.status.ok:
+            nearly = tol if apart <= NEARLY_FOUND or not contacts else max(tol, ROUGHLY)
+            solution = _Climb(way, at_bounds(form, contacts, vertices), nearly).run(partial(_ordinates, curve))
+            if not solution.status.ok or solution.curve is None:
                 return None
             following = moved(form, contacts, solution)
             apart = shift(form, contacts, following)
-            if apart <= FOUND and nearly == tol:
-                found = Touching(held, tuple(contacts), form)
-                return found.plainly(self._timed(solution, first, started)) if found.counts(solution) else None
+            if nearly == tol and (apart <= FOUND or not contacts):
+                return solution, contacts
             vertices = kept_vertices(contacts, following, solution)
-            contacts, guess = following, solution
+            contacts, curve = following, solution.curve
         return None
 
     def _timed(self, solution: Solution, first: Solution, started: float) -> Solution:
