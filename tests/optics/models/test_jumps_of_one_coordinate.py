@@ -100,6 +100,33 @@ def all_rays(kind, edges, index, ends, distances, within):
     return np.sort(found)
 
 
+def chords(edges, index, radius, c, way, path):
+    """How many conjugate points a ray through shells passes in its plane, and what angle it turns through.
+
+    With t = ±sqrt((n r)² - c²), the optical path along a chord of index n, the angle to a radius changes with c by
+    D + 1/t₀ - 1/t, and neighbours are as far away as t times that: where it is zero they meet.
+    """
+    walls, k = np.array([0.0, *edges, np.inf]), int(np.searchsorted(edges, radius))
+    t, known, count, angle = way * np.sqrt((index[k] * radius) ** 2 - c**2), 0.0, 0, 0.0
+    begun, thrown_back = False, 0
+    while True:
+        inwards = t < 0 and index[k] * walls[k] > c
+        wall, following = (walls[k], k - 1) if inwards else (walls[k + 1], k + 1)
+        end = (-1 if inwards else 1) * np.sqrt((index[k] * wall) ** 2 - c**2)
+        stop = min(end, t + path)
+        rate = known + 1 / t
+        count += begun and (t * rate - 1) * (stop * rate - 1) < 0
+        angle += np.arctan2(stop, c) - np.arctan2(t, c)
+        path -= stop - t
+        if stop < end:
+            return count, angle, thrown_back
+        known, begun = rate - 1 / end, True
+        if index[following] * wall > c:
+            t, k = np.sign(end) * np.sqrt((index[following] * wall) ** 2 - c**2), following
+        else:
+            t, thrown_back = -end, thrown_back + 1
+
+
 def drawn(seed, low):
     """Edges, the index between them, two heights, how far apart they are, and an optical path."""
     rng = np.random.default_rng([19, seed])
@@ -163,3 +190,60 @@ def test_layers_told_beside_the_angle_at_which_they_open_are_resolved():
     known = all_rays(Layers(), edges, index, (0.878, -0.2063), [2.0], 5.0)
     assert rays.unresolved == 0
     np.testing.assert_allclose([ray.optical_path for ray in rays], known, rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [13, 14, 16, 19])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_conjugate_points_of_rays_in_shells_are_those_between_their_chords(seed, dimension):
+    edges, index, (start, there), angle = drawn(seed, 0.25)
+    across, thrown_back = np.array([1.0]) if dimension == 2 else np.array([0.6, 0.8]), 0
+    a = np.append(start, 0 * across)
+    b = there * np.append(np.cos(angle), np.sin(angle) * across)
+    for ray in optics.Scene(optics.Radial(stepped(edges, index))).rays(a, b, within=5.0):
+        up = ray.tangents[0][0]
+        c = index[np.searchsorted(edges, start)] * start * np.sqrt(1 - up**2)
+        count, turned, back = chords(edges, index, start, c, np.sign(up), ray.optical_path)
+        # every half turn about the centre neighbours of other planes meet
+        assert ray.index == count + (int(turned / np.pi) if dimension == 3 else 0)
+        assert len(ray.conjugate_points) == ray.index
+        thrown_back += back
+    assert thrown_back > 0 or seed == 16
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_neighbours_never_meet_in_layers_of_constant_index(dimension):
+    # how far a ray comes grows with its invariant on every stretch, also behind a total reflection
+    for seed in (10, 19, 23):
+        edges, index, heights, distance = drawn(seed, -1.0)
+        flat = np.array([distance]) if dimension == 2 else distance * np.array([0.6, 0.8])
+        scene = optics.Scene(optics.Stratified(stepped(edges, index)))
+        rays = scene.rays(np.append(0 * flat, heights[0]), np.append(flat, heights[1]), within=6.0)
+        assert [ray.index for ray in rays] == [0] * len(rays)
+        assert all(len(ray.conjugate_points) == 0 for ray in rays)
+
+
+@pytest.mark.parametrize("seed", [3, 5, 8, 19])
+def test_a_ray_that_is_thrown_back_has_as_many_conjugate_points_backwards(seed):
+    # the index is that of the second variation, which knows no direction
+    rng = np.random.default_rng([5, seed])
+    count, about_centre = 1 + rng.integers(3), seed % 2 == 0
+    edges = np.sort(rng.uniform(0.25 if about_centre else -1.0, 1.0, count))
+    index, slopes = rng.uniform(1, 2, count + 1), rng.uniform(-0.4, 0.4, count + 1)
+
+    def n(u):
+        value = index[-1] + slopes[-1] * (u - edges[-1]) / (1 + (u - edges[-1]) ** 2)
+        for edge, least, slope in reversed(list(zip(edges, index, slopes, strict=False))):
+            value = ca.if_else(u < edge, least + slope * (u - edge) / (1 + (u - edge) ** 2), value)
+        return value
+
+    ends, distance = rng.uniform(0.25 if about_centre else -1.0, 1.2, 2), rng.uniform(0.4, 3)
+    a, b = np.array([0.0, ends[0]]), np.array([distance, ends[1]])
+    if about_centre:
+        a, b = (r * np.array([np.cos(p), np.sin(p)]) for r, p in zip(ends, (0.0, distance), strict=True))
+    scene = optics.Scene(optics.Radial(n) if about_centre else optics.Stratified(n))
+    there, back = scene.rays(a, b, within=6.0), scene.rays(b, a, within=6.0)
+    size_a, size_b = (float(scene.media[0].index(ca.DM(end))) for end in (a, b))
+    assert len(there) == len(back) > 0
+    for one, other in zip(there, back, strict=True):
+        assert one.index == other.index == len(one.conjugate_points) == len(other.conjugate_points)
+        assert one.spreading / size_a == pytest.approx(other.spreading / size_b, rel=1e-9)

@@ -360,6 +360,15 @@ class HamiltonRays:
             grown[ahead] = landing.reached
         return self._known(states), grown
 
+    def smooth(self, beam: Beam, end: Beam) -> Iterator[tuple[np.ndarray, Beam, Beam]]:
+        """The way of rays to their ``end`` in parts between jumps of the index: rows, and both ends of each."""
+        flow = self._unhindered.stopped_flow(beam.deviations, True) if self.jumps else None
+        if not isinstance(flow, SwitchedFlow):
+            yield np.arange(len(beam)), beam, end
+            return
+        for piece in flow.pieces(packed(beam), end.optical_path[:, None]):
+            yield piece.rows, unpacked(piece.first, self.dimension), unpacked(piece.last, self.dimension)
+
     @cached_property
     def jumps(self) -> bool:
         """Whether the index jumps inside the medium, so that neighbouring rays may part."""

@@ -80,6 +80,20 @@ class Region:
     flow: Flow
 
 
+@dataclass(frozen=True)
+class SmoothRuns:
+    """The runs ``rows`` (k,) through one piece each, on its ``sides`` (k, switches): states (k, N) at either end.
+
+    ``begun`` (k,) is σ at the ``first``. The ``last`` is that before anything happens to a ray at the end of the piece.
+    """
+
+    rows: np.ndarray
+    sides: np.ndarray
+    begun: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+
+
 @dataclass
 class SwitchedFlow:
     """A flow through the pieces of one ``medium``; ``stops`` are the caller's, of states and so many ``constants``."""
@@ -129,11 +143,14 @@ class SwitchedFlow:
 
     def runs(self, state: np.ndarray, constants: np.ndarray) -> list[tuple[float, Flow, np.ndarray, np.ndarray]]:
         """The pieces that one ray goes through: where each begins in σ, its flow with constants, the state there."""
-        ends = Landing.at(state[None, :])
         return [
-            (float(ends.reached[0]), self._region(sides[0]).flow, constants, ends.states[0].copy())
-            for sides in self._rounds(ends, constants[None, :], np.inf, (), np.zeros(1))
+            (float(piece.begun[0]), self._region(piece.sides[0]).flow, constants, piece.first[0])
+            for piece in self.pieces(state[None, :], constants[None, :])
         ]
+
+    def pieces(self, states: np.ndarray, constants: np.ndarray) -> Iterator[SmoothRuns]:
+        """What runs go through piece by piece, so that none of these comes over a kink or a jump."""
+        return self._rounds(Landing.at(states), constants, np.inf, (), np.zeros(len(states)))
 
     def _region(self, sides: np.ndarray) -> Region:
         """The piece on the ``sides`` (switches,), compiled when it is first needed."""
@@ -162,17 +179,16 @@ class SwitchedFlow:
         until: np.ndarray | float,
         leaving: tuple[int, ...],
         crossed: np.ndarray,
-    ) -> Iterator[np.ndarray]:
-        """Carry all rays through one piece after the other, in place; the sides (m, switches) before each."""
+    ) -> Iterator[SmoothRuns]:
+        """Carry all rays through one piece after the other, in place; each is told before rays leave it."""
         m = len(ends.states)
         last = np.array(np.broadcast_to(np.asarray(until, dtype=float), (m,)))
         alive = np.arange(m)
         sides = self._sides(ends.states)
         for _ in range(MOST_CROSSINGS):
-            yield sides
-            following = sides.copy()
-            going = []
-            for key, rows in _alike(sides[alive], alive):
+            begun, first = ends.reached[alive], ends.states[alive]
+            alike = _alike(sides[alive], alive)
+            for key, rows in alike:
                 region = self._region(key)
                 for standing, some in _alike(self._on_ends(region, ends.states[rows]), rows):
                     on = tuple(int(k) + self._own for k in np.flatnonzero(standing))
@@ -184,6 +200,10 @@ class SwitchedFlow:
                     ends.stopped_by[some] = landing.stopped_by
                     done = landing.outcomes == COMPLETED  # the sum of the parts is not told so well
                     ends.reached[some] = np.where(done, last[some], ends.reached[some] + landing.reached)
+            yield SmoothRuns(alive, sides[alive], begun, first, ends.states[alive])
+            following, going = sides.copy(), []
+            for key, rows in alike:
+                region = self._region(key)
                 here = rows[(ends.outcomes[rows] == STOPPED) & (ends.stopped_by[rows] >= self._own)]
                 for end in np.unique(ends.stopped_by[here]) - self._own:
                     going.append(here[ends.stopped_by[here] == end + self._own])

@@ -13,7 +13,7 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.optics.media.medium import Field, Medium, Radial, Stratified, looking_up, switching
-from varcalc.optics.models.hamilton import Hamilton
+from varcalc.optics.models.hamilton import Hamilton, HamiltonRays
 from varcalc.optics.models.invariants import Invariants
 from varcalc.optics.models.jumps import layers_of
 from varcalc.optics.models.linear import Linear
@@ -228,13 +228,26 @@ class Propagator:
         """
         count = np.zeros(len(path), dtype=int)
         for passage in passages:
-            rows, end = passage.rows, passage.exit
-            if passage.number == len(self.models) - 1:
-                with np.errstate(all="ignore"):
-                    back = AT_END * path[rows] / np.sum(end.momentum**2, axis=1)
-                end = moved_on(end, np.where(flat[rows], -back, 0.0), 0.0)
-            count[rows] += self._caustics(passage.number, passage.entry, passage.exit.optical_path, end)
+            last = passage.number == len(self.models) - 1
+            for part, entry, end in self._smooth_parts(passage):
+                rows, back = passage.rows[part], np.zeros(len(part))
+                if last:
+                    at_end = flat[rows] & (end.optical_path >= path[rows] * (1 - AT_END))
+                    back[at_end] = np.fmin(AT_END * path[rows], end.optical_path - entry.optical_path)[at_end]
+                squared = np.where(back > 0, np.sum(end.momentum**2, axis=1), 1.0)
+                before = moved_on(end, -back / squared, 0.0)
+                count[rows] += self._caustics(passage.number, entry, end.optical_path, before)
         return count
+
+    def _smooth_parts(self, passage: MediumPassage) -> Iterator[tuple[np.ndarray, Beam, Beam]]:
+        """A passage in parts between jumps of the index: rows of it, and both ends of each.
+
+        A ray that is thrown back at a jump has its neighbours on its other side from there on, and has met none.
+        """
+        model = self.models[passage.number]
+        if isinstance(model, HamiltonRays):
+            return model.smooth(passage.entry, passage.exit)
+        return iter([(np.arange(len(passage.rows)), passage.entry, passage.exit)])
 
     def _caustics(self, number: int, beam: Beam, path: np.ndarray, end: Beam) -> np.ndarray:
         """How many conjugate points (m,) rays pass from ``beam`` to ``end``, at the optical paths ``path`` (m,)."""

@@ -50,9 +50,13 @@ class Leg:
         """Conjugate points inside the leg, as (optical path, position); a double one twice."""
         if self.known is not None:
             return self.known
-        sigma, beam = self.sampled()
-        found = []
+        breaks = np.array(self.breaks)
+        before = np.nextafter(breaks, 0.0)
+        sigma = np.unique(np.concatenate([np.linspace(0.0, self.length, LEG_SAMPLES), before, breaks]))
+        beam, found = self.at(sigma), []
         passed = caustics_between(beam.take(slice(None, -1)), beam.take(slice(1, None)))
+        # where a ray is thrown back its neighbours change sides, and no conjugate point is passed
+        passed[np.isin(sigma[1:], breaks)] = 0
         for k in np.flatnonzero(passed):
             for number in range(passed[k]):
                 where = self._located(sigma[k], sigma[k + 1], number)

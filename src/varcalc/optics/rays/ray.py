@@ -42,7 +42,8 @@ class Ray(Plotted):
         An estimate of the error of ``optical_path``.
     index : int
         The number of conjugate points between A and B, each as often as its multiplicity (the KMAH index): 0 for a
-        ray of locally least time.
+        ray of locally least time. A reflection, at a mirror or at a jump of the index, counts none: what it does to
+        the phase is its coefficient's (Červený, "Seismic Ray Theory", sect. 4.12).
     spreading : float
         ``|dr⊥/dθ|`` at B in the plane, ``|dA/dΩ|`` in space: the intensity of a source at A is in
         inverse proportion to it.
