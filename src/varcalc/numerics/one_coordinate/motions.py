@@ -84,6 +84,15 @@ class CoordinateMotion(ABC):
     def at(self, q: np.ndarray) -> MotionPoint:
         """Places (m, k) at the parameters ``q`` (m, k), a row for each motion."""
 
+    @property
+    @abstractmethod
+    def anchor(self) -> np.ndarray:
+        """The place (m,), or the larger of two, from which places on the ways are told: to its round-off."""
+
+    @abstractmethod
+    def apart(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """How much higher (m,) the places at the parameters ``last`` (m,) are than those at ``first`` (m,)."""
+
     @abstractmethod
     def reaching(self, x: np.ndarray) -> np.ndarray:
         """The parameter (m,) at which the motions have come to u₀ + ``x`` for the last time."""
@@ -114,6 +123,15 @@ class NoTurn(CoordinateMotion):
             self.u0[:, None] + sign * q, sign * speed, 1 / speed, values.g, values.slope,
             nothing, -sign / (2 * speed), 1 / (2 * speed**3),
         )  # fmt: skip
+
+    @property
+    def anchor(self) -> np.ndarray:
+        """See :attr:`CoordinateMotion.anchor`."""
+        return self.u0
+
+    def apart(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """See :meth:`CoordinateMotion.apart`."""
+        return self.sign * (last - first)
 
     def reaching(self, x: np.ndarray) -> np.ndarray:
         """See :meth:`CoordinateMotion.reaching`."""
@@ -154,6 +172,15 @@ class OneTurn(CoordinateMotion):
             turn + sign * squared, sign * q * root, 2 / root, values.g, values.slope,
             np.broadcast_to(1 / steep, q.shape), sign * q * by_c / (2 * root), -by_c / root**3,
         )  # fmt: skip
+
+    @property
+    def anchor(self) -> np.ndarray:
+        """See :attr:`CoordinateMotion.anchor`."""
+        return self.turn
+
+    def apart(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """See :meth:`CoordinateMotion.apart`."""
+        return self.sign * (last - first) * (last + first)
 
     def reaching(self, x: np.ndarray) -> np.ndarray:
         """See :meth:`CoordinateMotion.reaching`."""
@@ -207,6 +234,15 @@ class TwoTurns(CoordinateMotion):
             base + x, sine * root, 1 / root, values.g, values.slope,
             u_by_c, sine * (widening * root + ease_by_c / (2 * root)), -ease_by_c / (2 * root**3),
         )  # fmt: skip
+
+    @property
+    def anchor(self) -> np.ndarray:
+        """See :attr:`CoordinateMotion.anchor`."""
+        return np.where(np.abs(self.low) > np.abs(self.high), self.low, self.high)
+
+    def apart(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """See :meth:`CoordinateMotion.apart`."""
+        return self.span * np.sin((last - first) / 2) * np.sin((last + first) / 2)
 
     def reaching(self, x: np.ndarray) -> np.ndarray:
         """Never: there is nothing between the turning points."""

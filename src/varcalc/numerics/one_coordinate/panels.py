@@ -56,7 +56,7 @@ def inverse_distance(kind: DistanceMap, share: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def _transform(count: int) -> np.ndarray:
+def transform(count: int) -> np.ndarray:
     """The matrix from values at ``count`` Gauss points to Legendre coefficients."""
     nodes, weights = gauss(count)
     degrees = np.arange(count)
@@ -66,7 +66,7 @@ def _transform(count: int) -> np.ndarray:
 @lru_cache(maxsize=8)
 def _integrator(count: int) -> np.ndarray:
     """From values at Gauss points to Legendre coefficients of the integral from -1; shape (count + 1, count)."""
-    return np.array([legendre.legint(column, lbnd=-1.0) for column in _transform(count).T]).T
+    return np.array([legendre.legint(column, lbnd=-1.0) for column in transform(count).T]).T
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def tails(weighted: np.ndarray) -> np.ndarray:
     The last two Legendre coefficients of the integrand, times the panel's width.
     """
     values = weighted.reshape(-1, POINTS) / gauss(POINTS)[1]
-    return 2 * np.abs(values @ _transform(POINTS)[-2:].T).max(axis=1)
+    return 2 * np.abs(values @ transform(POINTS)[-2:].T).max(axis=1)
 
 
 @dataclass(frozen=True)

@@ -225,6 +225,7 @@ class Potential(ABC):
             u = np.unique(np.concatenate([u, middle]))
             if len(u) > MANY:
                 u = self.enclosed(u, first.min(), last.max())
+        u = np.unique(np.concatenate([u, self._flattest(u)]))
         u = np.unique(np.concatenate([u, self._turns(u)]))
         return PotentialNodes(u, self.at(u)[0], low_edge, high_edge)
 
@@ -280,6 +281,21 @@ class Potential(ABC):
         usual = np.abs(np.diff(g)) + width * (np.abs(slope[1:]) + np.abs(slope[:-1]) + np.abs(rate))
         bad = np.abs(there - foretold) > BENT * usual + 1e-15 * np.abs(there)
         return middle[bad & (middle > u[:-1]) & (middle < u[1:])]
+
+    def _flattest(self, u: np.ndarray) -> np.ndarray:
+        """Where between places the slope of g may come to zero and back: it has one sign at both, and turns twice.
+
+        The cubic through g and its slope tells, which is good by then.
+        """
+        g, slope = self.at(u)
+        width, first, last = np.diff(u), slope[:-1], slope[1:]
+        mean = np.diff(g) / width
+        bend, curve = 6 * mean - 4 * first - 2 * last, 3 * (first + last - 2 * mean)
+        share = -bend / (2 * curve)
+        least = (first + share * bend / 2) * np.sign(first)
+        size = np.max(np.abs([first, last, mean]), axis=0)
+        inside = (share > 0) & (share < 1) & (first * last > 0) & (least < BENT * size)
+        return (u[:-1] + share * width)[inside]
 
     def _turns(self, u: np.ndarray) -> np.ndarray:
         """Where the slope of g changes its sign, bisected."""

@@ -86,7 +86,7 @@ def integrals(
     integrands have fewer digits than most.
     """
     with np.errstate(all="ignore"):
-        rows, left, right = _cut(way, low, high)
+        rows, left, right = cut(way, low, high)
         agreed = np.broadcast_to(agreed, np.shape(low))
         whole, sizes, _ = _panel(way.take(rows), left, right)
         total = np.zeros((len(whole), len(low)))
@@ -117,7 +117,7 @@ def _by_row(rows: np.ndarray, parts: np.ndarray, total: np.ndarray) -> np.ndarra
     return total + np.stack([np.bincount(rows, part, minlength=total.shape[1]) for part in parts])
 
 
-def _cut(way: Integrable, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def cut(way: Integrable, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Panels from ``low`` to ``high`` (m,), cut where the motions pass stops: rows, left and right ends."""
     stops, every = way.stops, np.arange(len(low))
     if len(stops) == 0:

@@ -50,8 +50,9 @@ TOLD_WELL = 1e-12
 """Of the optical path, and of the distance: rays that are told so well need not be carried."""
 NEXT, GROWN = 0.02, 1e-6
 """A passage that grows so much, in units of the distance, over the last of the way to an angle grows for ever,"""
-STEADY = 0.6
-"""and so much of what it grew before: to where g has a corner rays come in time, as the root of the angle."""
+STEADY, ENDLESS = 0.6, 0.9
+"""and so much of what it grew before: to where g has a corner rays come in time, as the root of the angle, and beside
+several of them by no more than a geometric series has left."""
 
 
 @dataclass(frozen=True)
@@ -340,24 +341,30 @@ def _resting(spread: Spread, aims: Distances) -> np.ndarray:
     here = spread(pair, at + np.sign(way) * BREAK_OFFSET)
     beside, before = (spread(pair, at + steps * way)[:, :LAYERS] for steps in (1, 2))
     last = here[:, :LAYERS] - beside
-    growing = (last > GROWN * spread.distance[pair, None]) & ~(last <= STEADY * (beside - before))
+    earlier = beside - before
+    growing = (last > GROWN * spread.distance[pair, None]) & ~(last <= STEADY * earlier)
+    with np.errstate(all="ignore"):
+        share = last / earlier
+        more = np.where((earlier > 0) & (share < ENDLESS), 2 * last * share / (1 - share), np.inf)
+    more = np.where(growing, more, 0.0)
     slow = np.sqrt(spread.passages.g)[pair] * np.cos(spread.angles(pair, at))
     for row in np.flatnonzero(growing.any(axis=1)):
         own = np.flatnonzero(aims.pair == pair[row])
         rest = slow[row], aims.within[own]
         for beyond, behind in KINDS:
             weights = np.array([1.0, 2.0 * beyond, 2.0 * behind])
-            left = _left_over(here[row], growing[row], weights, aims.distance[own], rest)
+            left = _left_over(here[row], more[row], weights, aims.distance[own], rest)
             np.add.at(count, aims.question[own], left)
     return count
 
 
 def _left_over(
-    here: np.ndarray, growing: np.ndarray, weights: np.ndarray, wanted: np.ndarray, rest: tuple[float, np.ndarray]
+    here: np.ndarray, more: np.ndarray, weights: np.ndarray, wanted: np.ndarray, rest: tuple[float, np.ndarray]
 ) -> np.ndarray:
     """How many rays (n,) with so many passages, and periods more, have not come far enough where they all but rest.
 
-    ``rest`` is the index along the layer and the optical paths (n,) that are asked for.
+    By ``more`` (3,) the passages may grow, for ever where that is infinite. ``rest`` is the index along the layer and
+    the optical paths (n,) that are asked for.
     """
     count = np.zeros(len(wanted), dtype=int)
     for _ in range(MOST_TURNS):
@@ -367,7 +374,7 @@ def _left_over(
         still = (left > 0) & (path + rest[0] * left <= rest[1])
         if not np.any(still):  # whatever is no number has come nowhere
             break
-        count += still & np.any(growing & used)
+        count += still & (left <= np.sum(weights[used] * more[used]))
         weights = weights + 2.0
     return count
 

@@ -24,6 +24,7 @@ from varcalc.numerics.one_coordinate.motions import (
 )
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import AGREED, TAU, integrals
+from varcalc.optics.models.between_stops import passages_between_stops
 from varcalc.optics.models.reduction import PATH, RayPotential
 
 AIMED, BESIDE_CENTRE = 1e-6, np.array([1e-5, 2e-5, 3e-5])
@@ -216,10 +217,18 @@ class RayPassages:
                     asked = own & reaches[rows] & wanted[rows, k]
                     exists = np.flatnonzero(asked & np.isfinite(low) & np.isfinite(high))
                     part = rows[exists]
-                    sums = integrals(motion.take(exists), low[exists], high[exists], agreed=agreed[part, k])
+                    sums = self._along(motion.take(exists), c[part] ** 2, low[exists], high[exists], agreed[part, k])
                     known = np.isfinite(sums[:, TAU]) & np.isfinite(sums[:, PATH])
                     out[part, k] = np.where(known, c[part] * sums[:, TAU], -np.inf)
                     out[part, LAYERS + k] = np.where(known, sums[:, PATH], -np.inf)
+
+    def _along(
+        self, motion: CoordinateMotion, C: np.ndarray, low: np.ndarray, high: np.ndarray, agreed: np.ndarray
+    ) -> np.ndarray:
+        """τ and the optical paths on motions, and what else is integrated with them."""
+        if len(self.profile.stops):  # between these g is smooth
+            return passages_between_stops(self.profile, motion, C, low, high, agreed)
+        return integrals(motion, low, high, agreed=agreed)
 
     @property
     def count(self) -> np.ndarray:

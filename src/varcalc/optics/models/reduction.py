@@ -67,6 +67,10 @@ class RayPotential(Potential):
     def about_centre(self) -> bool:
         """True for a centre, False for layers."""
 
+    @abstractmethod
+    def within(self, place: np.ndarray, base: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The change of g from ``base`` over ``x`` by the formula that holds at a ``place`` between two stops."""
+
     def sigma_rate(self, u: np.ndarray) -> np.ndarray:
         """dσ/dτ at u: 1 in layers."""
         return np.ones_like(u)
@@ -260,6 +264,11 @@ class Profile(RayPotential):
             for row, column in enumerate(self._parts[number].changes(base[own], x[own], [])):
                 out[row][own] = column
         return out[0], out[1]
+
+    def within(self, place: np.ndarray, base: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """See :meth:`RayPotential.within`."""
+        place, base, x = np.broadcast_arrays(place, base, x)
+        return self._by_formula(base, x, self._cell(place))[0]
 
     def changes(self, base: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`Potential.changes`: through the knots of tables, and switches, that lie between, cell by cell."""

@@ -87,10 +87,18 @@ class TableProfile(RayPotential):
 
     def _within(self, layer: np.ndarray, above: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The changes of g and its slope over ``x`` from ``above`` the lower height of a layer, by its cubic."""
+        _, _, c, d = self._cubics[:, layer]
+        return self._gain(layer, above, x), x * (2 * c + 3 * d * (2 * above + x))
+
+    def _gain(self, layer: np.ndarray, above: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """The change of g alone."""
         _, b, c, d = self._cubics[:, layer]
-        twice = 2 * above + x
-        gain = x * (b + c * twice + d * (3 * above * (above + x) + x * x))
-        return gain, x * (2 * c + 3 * d * twice)
+        return x * (b + c * (2 * above + x) + d * (3 * above * (above + x) + x * x))
+
+    def within(self, place: np.ndarray, base: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """See :meth:`RayPotential.within`."""
+        layer = np.clip(np.searchsorted(self.stops, place, side="right") - 1, 0, self.medium.layers - 1)
+        return self._gain(layer, base - self.stops[layer], x)
 
     def sound(self, u: np.ndarray) -> np.ndarray:
         """True in the table."""
