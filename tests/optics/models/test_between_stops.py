@@ -1,11 +1,13 @@
 """How far rays come through measured tables of many heights, against sums in closed form and integrals of mpmath's."""
 
+import casadi as ca
 import mpmath as mp
 import numpy as np
 import pytest
 
 from varcalc import optics
 from varcalc.optics.models.passages import RayPassages
+from varcalc.optics.models.reduction import Profile
 from varcalc.optics.models.tables import TableProfile
 
 DIGITS = 40
@@ -140,3 +142,19 @@ def test_rays_through_measured_tables_arrive(seed, smooth):
     for ray in rays:
         end = scene.trace(a, ray.tangents[0], optical_path=ray.optical_path)
         np.testing.assert_allclose(end.points[0], b, atol=1e-9 * 1e4)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rays_turn_back_beside_a_kink_as_closed_forms_say(seed):
+    # level rays from within a hair of the kink to a whole layer from it; what is written by fabs has no knots
+    rng = np.random.default_rng([45, seed])
+    place, fall = rng.uniform(-1, 1), rng.uniform(0.05, 0.8)
+    medium = optics.Stratified(lambda y: ca.sqrt(1.5 - fall * ca.fabs(y - place)))
+    far = np.array([place - 1 / fall, place, place + 1 / fall])
+    table = optics.Tabulated(far, np.sqrt(1.5 - fall * np.abs(far - place)), smooth=False)
+    ends = place + 10.0 ** rng.uniform(-9, -1, 2) * rng.choice([-1.0, 1.0], 2)
+    angles = np.array([1e-9, 1e-6, 1e-3, 0.1, 0.5])
+    found = RayPassages.between(Profile(medium, 1.0, place), ends[None], np.array([20.0]))[0]
+    with mp.workdps(DIGITS):
+        known = passages(table, tuple(ends), angles)[1]
+    np.testing.assert_allclose(found.at(np.zeros(len(angles), dtype=int), angles), known, rtol=1e-9, atol=1e-13)

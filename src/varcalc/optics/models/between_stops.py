@@ -53,13 +53,15 @@ def passages_between_stops(
         left = Stretches.joined([Stretches.of(potential, way, *part) for part in parts])
         total, size = np.zeros((2, len(low), 2))
         for _ in range(PANEL_HALVINGS):
-            sums, tails = _integrated(potential, left, C)
+            sums, tails, seen = _integrated(potential, left, C)
             size = np.maximum(size, total + _by_row(left.row, np.abs(sums), total))
             known = np.isfinite(sums).all(axis=1)
-            fine = known & np.all(tails**2 <= TAILS_MARGIN * agreed[left.row, None] * size[left.row] ** 2, axis=1)
+            small = tails**2 <= TAILS_MARGIN * agreed[left.row, None] * size[left.row] ** 2
+            fine = known & seen & np.all(small, axis=1)
             total += _by_row(left.row[fine], sums[fine], total)
             total[left.row[~known]] = np.nan
-            left = left.take(np.flatnonzero(~fine & known))
+            lost = ~np.all(np.isfinite(total), axis=1)
+            left = left.take(np.flatnonzero(~fine & ~np.take(lost, left.row)))
             if len(left) == 0:
                 return total
             if len(left) > MOST_PANELS * (len(low) + len(way.stops)):
@@ -109,8 +111,9 @@ class Stretches(Rows):
 
     def squared(self, potential: RayPotential, share: np.ndarray) -> np.ndarray:
         """The squares of the speeds at shares (n, k) of the way from the slower end, from where they lose nothing."""
-        gain = potential.within(self.middle[:, None], self.base[:, None], share * self.along[:, None])
-        return self.first[:, None] ** 2 + gain
+        far = share * self.along[:, None]
+        gain = potential.within(self.middle[:, None], self.base[:, None], far)
+        return self.first[:, None] ** 2 + np.where(far == 0, 0.0, gain)  # of a kink no formula tells that
 
     def halved(self, potential: RayPotential) -> Stretches:
         """Both halves of each."""
@@ -153,9 +156,15 @@ def _inside(
     return np.where(jump.any(axis=-1), np.sqrt(told), speed)
 
 
-def _integrated(potential: RayPotential, stretches: Stretches, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The integrals (n, 2), and the last coefficients (n, 2) of what is integrated, times as much."""
-    sums, tails = np.empty((2, len(stretches), 2))
+def _integrated(
+    potential: RayPotential, stretches: Stretches, C: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The integrals (n, 2), and the last coefficients (n, 2) of what is integrated, times as much.
+
+    Last comes whether no two neighbours of the places have several between them at which g varies fast (n,).
+    """
+    (sums, tails), seen = np.empty((2, len(stretches), 2)), np.ones(len(stretches), dtype=bool)
+    gentle = potential.gentle
     for begin in range(0, len(stretches), STRETCHES_TOGETHER):
         some = slice(begin, begin + STRETCHES_TOGETHER)
         part = stretches.take(some)
@@ -163,14 +172,18 @@ def _integrated(potential: RayPotential, stretches: Stretches, C: np.ndarray) ->
         slower = np.where(first > 0, 0.0, BESIDE_TURN)
         at = np.concatenate([np.broadcast_to(_SHARES, (len(part), RULE_POINTS)), slower], axis=1)
         v = first + (last - first) * at
-        squared = part.squared(potential, at * (first + v) / both)
+        share = at * (first + v) / both
+        squared = part.squared(potential, share)
+        if len(gentle):
+            places = part.base[:, None] + share[:, :RULE_POINTS] * part.along[:, None]
+            seen[some] = np.all(np.abs(np.diff(np.searchsorted(gentle, places), axis=1)) <= 1, axis=1)
         rate = 2 * np.abs(part.along)[:, None] / both * v / np.sqrt(squared)
         rates = np.stack([rate, rate * (C[part.row, None] + squared)], axis=1)
         inside, beside = rates[..., :RULE_POINTS], rates[..., RULE_POINTS]
         sums[some] = part.sense[:, None] * (inside @ _HALF_WEIGHTS)
         unseen = np.abs(inside @ _AT_SLOWER - beside)
         tails[some] = np.maximum(np.abs(inside @ _LAST.T).max(axis=2), unseen)
-    return sums, tails
+    return sums, tails, seen
 
 
 def _by_row(rows: np.ndarray, parts: np.ndarray, total: np.ndarray) -> np.ndarray:
