@@ -398,3 +398,20 @@ def test_rays_do_not_depend_on_which_height_is_called_nothing(height):
     exact = [(4 * a * v - 8 * v**3 / 3) / b for v in (w, p)]
     rays = scene.rays((0, height), (p * 4 * w / b, height), within=4.0)
     assert [ray.optical_path for ray in rays] == pytest.approx(exact, rel=1e-13)
+
+
+@pytest.mark.parametrize(("distance", "end"), [(24.3, 1.2276), (78.8, -1.1567), (91.3, -0.2992), (91.3, -0.4378)])
+def test_two_ducts_between_uniform_halves_leave_nothing_unresolved(distance, end):
+    # far above and far below the index is one: rays rest there at one angle, though round-off tells two
+    start, terms = -0.38305, [(0.00634657, 2.77651927, 2.32705438), (0.00289534, 1.02176663, 1.37559925)]
+
+    def squared(y, functions=np):
+        return 1 + sum(2 * a / functions.cosh((y - c) / w) ** 2 for a, c, w in terms)
+
+    def slope(y):
+        return sum(-4 * a / w * np.tanh((y - c) / w) / np.cosh((y - c) / w) ** 2 for a, c, w in terms)
+
+    rays = optics.Scene(optics.Stratified(lambda y: ca.sqrt(squared(y, ca)))).rays((0, start), (distance, end))
+    angles = np.arctan((end - start) / distance) + np.linspace(-3, 3, 6001) * math.sqrt(2 * terms[0][0])
+    there = heights_at(slope, start, squared(start) * np.cos(angles) ** 2, np.tan(angles), distance)
+    assert (len(rays), rays.unresolved) == (np.count_nonzero(np.diff(np.sign(there - end))), 0)

@@ -33,6 +33,8 @@ AT_A_TURN = 1e-13
 """Of the difference of two heights: so close to a turning point one is at it."""
 SAME_MINIMUM = 1e-15
 """Of g: minima that differ by less are one."""
+ALIKE = 64 * float(np.finfo(float).eps)
+"""Of how much g varies: minima of so nearly one height are one, for g is not told much better over them all."""
 CLOSE_BY = 0.1
 """Of the difference of two heights: farther beyond the end, a turning point is told as well from the start."""
 DARK = 1e-6
@@ -262,7 +264,9 @@ class RayPassages:
         mild = self._stops[node] & ~np.isin(node, self.nodes.upwards.turns)
         # at a jump g is steep on either side, and motions do not rest there
         mild |= np.isin(self.nodes.u[node], self.profile.jumps) & (self.profile.at(self.nodes.u[node])[1] != 0)
-        return _padded(pair, fallen, mild, at_rest)
+        # a window between two places at which rays rest, of heights alike but for what g is told to, is none
+        alike = ALIKE * np.minimum(self._variation[0], 1.0)
+        return _padded(pair, fallen, mild, at_rest, alike)
 
     def _rests(self, start: float, end: float, low: float, high: float) -> np.ndarray:
         """The nodes at which rays from ``start`` to ``end`` come to rest, or turn where g is less smooth."""
@@ -294,17 +298,20 @@ class RayPassages:
 
 
 def _padded(
-    pair: np.ndarray, fallen: np.ndarray, mild: np.ndarray, at_rest: np.ndarray
+    pair: np.ndarray, fallen: np.ndarray, mild: np.ndarray, at_rest: np.ndarray, alike: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The breaks of pairs in rows, ascending from 0 to π/2, whether they are mild, and what comes to rest there.
 
-    They lie where g is ``fallen`` (n,) so far from that of the ``pair`` (n,); those alike are one.
+    They lie where g is ``fallen`` (n,) so far from that of the ``pair`` (n,); those alike are one, and so are those at
+    which rays rest that differ by no more than is ``alike`` (p,).
     """
     order = np.lexsort((fallen, pair))
     order = order[(fallen[order] > SAME_MINIMUM) & (fallen[order] < 1.0)]
     place, row = fallen[order], pair[order]
     before = np.where(np.diff(row, prepend=-1) == 0, np.roll(place, 1), 0.0)
-    first = np.flatnonzero(place - before > SAME_MINIMUM * place)
+    resting_both = (before > 0) & ~mild[order] & ~np.roll(mild[order], 1)
+    same = np.maximum(SAME_MINIMUM * place, np.where(resting_both, alike[row], 0.0))
+    first = np.flatnonzero(place - before > same)
     row = row[first]
     number, count = 1 + np.arange(len(row)) - np.searchsorted(row, row), np.bincount(row, minlength=pair[-1] + 1)
     shape = len(count), int(count.max()) + 2
