@@ -31,8 +31,9 @@ HIDES_WELLS: Rules = {**VARYING, **SWITCHED}
 """Operations of which a narrow well of what ends cost may come."""
 SECOND_STEP = 1e-4
 """Departure, in units of the curve's size, by which second derivatives are taken."""
-LOWER_ENDS = 1e-3
-"""How much lower, relative to what is summed, another curve has to be, and how nearly the lowest one is told."""
+LOWER_ENDS, SHARE_TOLD = 1e-3, 1e-3
+"""How much lower, relative to what is summed, another curve has to be, and how nearly the lowest one is told: to that,
+or to a share of how much lower it is."""
 
 
 class CheaperEnds:
@@ -58,7 +59,7 @@ class CheaperEnds:
         enough = np.array([self.own_value - near])
         ends, least = least_points(
             low, high, np.zeros(low.shape[1], dtype=int), lambda at, _: self._value(at),
-            lambda low, high, _: self._bound(low, high), enough, near,
+            lambda low, high, _: self._bound(low, high), enough, near, SHARE_TOLD,
         )  # fmt: skip
         if np.isnan(ends).any():
             return []

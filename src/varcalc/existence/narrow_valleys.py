@@ -42,8 +42,9 @@ FIRST_LINES = {1: 8, 2: 4, 3: 2}
 """How many of them are asked first, of so many functions, whether there is anything at all."""
 SHELLS = {1: 2.0 ** np.arange(-6, 6.25, 0.5), 2: 2.0 ** np.arange(-3, 6), 3: 4.0 ** np.arange(-1, 3)}
 """Departures between which boxes lie, either way, of so many functions, in units of the larger of size and interval."""
-LOWER_VALLEY = 1e-2
-"""How much lower, relative to what is summed, a shifted curve has to be, and how nearly it is told how much it is."""
+LOWER_VALLEY, SHARE_TOLD = 1e-2, 1e-3
+"""How much lower, relative to what is summed, a shifted curve has to be, and how nearly the lowest one is told: to
+that, or to a share of how much lower it is."""
 HIDING: Rules = {**RULES, **SWITCHED}
 """By what factor operations may go too far between samples for nothing to hide there."""
 SAME_DEPARTURE, ELSEWHERE = 1e-4, 2
@@ -100,7 +101,7 @@ class NarrowValleys:
         self, low: np.ndarray, high: np.ndarray, number: np.ndarray, near: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """The best shifts (k, lines) on all lines, and by how much they are higher; NaN where none is lower."""
-        return least_points(low, high, number, self._value, self._bound, np.full(LINES, -near), near, LOWER_VALLEY)
+        return least_points(low, high, number, self._value, self._bound, np.full(LINES, -near), near, SHARE_TOLD)
 
     def _at_rest(self, place: np.ndarray, line: int) -> Sampled:
         """The shifts to the ordinates that a shift by ``place`` (k,) leads to on one of the lines."""

@@ -31,24 +31,31 @@ def boxes_about(edges: np.ndarray, dimension: int) -> tuple[np.ndarray, np.ndarr
 
 def least_points(
     low: np.ndarray, high: np.ndarray, number: np.ndarray, value: AtPoints, bound: InBoxes,
-    enough: np.ndarray, near: float, share: float = 0.0,
+    enough: np.ndarray, near: float, share: float,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Where each of several functions is least, (f, k), and how low it is there, (k,).
 
-    It is known to within ``near``, or that ``share`` of itself. The boxes between ``low`` (f, m) and ``high`` are of
-    the functions with the ``number`` (m,). What is not lower than ``enough`` (k,) is not looked for: its place is NaN.
+    It is told to within ``near``, or to within a ``share`` of how much lower than ``enough`` (k,) it is where that is
+    more. The boxes between ``low`` (f, m) and ``high`` are of the functions with the ``number`` (m,). What is not lower
+    than ``enough`` is not looked for: its place is NaN.
     """
     best, least = np.full((len(low), len(enough)), np.nan), np.array(enough)
     halves = [np.array(which)[:, None] for which in product((False, True), repeat=len(low))]
+
+    def hopeful(lowest: np.ndarray, number: np.ndarray) -> np.ndarray:
+        told = np.where(np.isfinite(best[0]), np.maximum(near, share * (enough - least)), 0.0)
+        return np.flatnonzero(lowest < (least - told)[number])
+
     for _ in range(BOX_HALVINGS):
+        lowest = bound(low, high, number)
+        kept = hopeful(lowest, number)
+        low, high, number, lowest = low[:, kept], high[:, kept], number[kept], lowest[kept]
         middle = 0.5 * (low + high)
         values = value(middle, number)
         order = np.argsort(-values, kind="stable")  # of several with one number the last one stays: the lowest
         order = order[values[order] < least[number[order]]]
         best[:, number[order]], least[number[order]] = middle[:, order], values[order]
-        lowest = bound(low, high, number)
-        room = np.maximum(near, share * np.abs(least)) * np.isfinite(best[0])
-        kept = np.flatnonzero(lowest < (least - room)[number])
+        kept = hopeful(lowest, number)
         if len(kept) > MOST_HALVED:  # a well may be long: some of it is enough
             kept = kept[np.argsort(lowest[kept], kind="stable")[: MOST_HALVED // len(halves)]]
         low, middle, high, number = low[:, kept], middle[:, kept], high[:, kept], number[kept]
