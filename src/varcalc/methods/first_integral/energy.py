@@ -160,21 +160,23 @@ class EnergyLines(Lines[AnchorFunctions]):
         """log v by Newton's method on the logarithm of whichever side is small, kept in a bracket.
 
         Near a turning point the excess P(y, 0) - P(y, v) is small and its logarithm almost linear in log v; where
-        L is large (a singular end) P itself is small against P(y, 0) and its logarithm is.
+        L is large (a singular end) P itself is small against P(y, 0) and its logarithm is. Where P falls through zero
+        (a mechanical energy does) that has a pole, before which every step is too long.
         """
         steep = (constant > 0) & (at_rest > 2 * constant)
-        goal = np.where(steep, -np.log(constant), np.log(wanted))
+        goals = np.log(wanted), -np.log(constant)
 
         def short(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             excess, value, slope = functions.slope(*place, *_direction(theta, direction), lam)
+            steep[value < -NEARLY * at_rest] = False
             size = np.where(steep, value, excess)
-            miss, rate = np.where(steep, -np.log(size), np.log(size)) - goal, slope / size
+            miss, rate = np.where(steep, -np.log(size) - goals[1], np.log(size) - goals[0]), slope / size
             beyond = np.isnan(miss) | (steep & ~(value > 0))
             # a large miss belies a small Newton step: the slope is infinite there
             known = np.isfinite(slope) & ((np.abs(miss) <= NEARLY) | (np.abs(miss / rate) > QUADRATIC))
             return np.where(beyond, -np.inf, -miss), np.where(known, -rate, np.nan)
 
-        start = np.where(np.isfinite(goal) & (wanted > 0), 0.0, np.nan)
+        start = np.where(np.isfinite(np.where(steep, goals[1], goals[0])) & (wanted > 0), 0.0, np.nan)
         ends = np.full(start.shape, -LARGEST_LOG_SLOPE), np.full(start.shape, LARGEST_LOG_SLOPE)
         theta, moved = bracketed_newton(short, *ends, start, absolute=QUADRATIC)
         return np.where((moved <= QUADRATIC) & (np.abs(theta) <= 0.99 * LARGEST_LOG_SLOPE), theta, np.nan)
