@@ -107,7 +107,9 @@ class Elements:
         shaped = own.reshape(E, Q, D, n, D, n).transpose(0, 3, 5, 1, 2, 4).reshape(E * n * n, Q * D * D)
         local = shaped @ _products(self.space.smoothness, self.space.degree, Q, self.order)
         local = local.reshape(E, n, n, P, P).transpose(0, 3, 1, 4, 2)
-        local = (local * scale[:, :, None, None, None] * scale[:, None, None, :, None]).reshape(E, P * n, P * n)
+        if self.space.smoothness > 1:  # else no function is a slope at a vertex, and all scales are one
+            local = local * scale[:, :, None, None, None] * scale[:, None, None, :, None]
+        local = local.reshape(E, P * n, P * n)
         border = np.zeros((self.space.size, self.extra))
         mixed = blocks[:, : D * n, D * n :].reshape(E, Q, D, n, self.extra)
         for j in range(self.extra):
