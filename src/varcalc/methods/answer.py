@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -29,6 +30,8 @@ ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
 """Relative error of the curve, and the same by the square root of the tolerance, with which no value counts."""
 INVERSION_STEPS = 60
 """Bisections that bring any bracket to round-off."""
+TABLED_A_PIECE = 33
+"""Places of each element from between which an abscissa is inverted."""
 PLACES_A_PIECE = 16
 """Places of each element at which it is seen whether a curve runs forwards."""
 ALIKE_PLACES = 7
@@ -98,6 +101,13 @@ class Extremal:
     """Multipliers of the equations between ends and knots, where the method has them at hand."""
     samples: SampledExtremal | None = None
     """Where the problem was evaluated along the curve, where the method has that at hand."""
+
+    @cached_property
+    def abscissae(self) -> tuple[np.ndarray, np.ndarray]:
+        """Ascending s (m,), close together in every element, and the user's x there, ascending as well."""
+        pieces = zip(self.vertices[:-1], self.vertices[1:], strict=True)
+        table = np.unique(np.concatenate([np.linspace(left, right, TABLED_A_PIECE) for left, right in pieces]))
+        return table, np.maximum.accumulate(lifted(self, table)[0])
 
     def __reduce__(self) -> tuple[Any, ...]:
         number = number_of(self.form)
@@ -274,28 +284,28 @@ def in_coordinates_of(form: Form, extremal: Extremal) -> Sampled | None:
 
 def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
     """The s at which the monotone abscissa x(s) takes the values x, by bisection from a table, then Newton."""
-    a, b = extremal.form.span
-    pieces = zip(extremal.vertices[:-1], extremal.vertices[1:], strict=True)
-    table = np.unique(np.concatenate([np.linspace(left, right, 33) for left, right in pieces]))
-    known = np.maximum.accumulate(lifted(extremal, table)[0])
-    at = np.clip(np.searchsorted(known, x, side="right"), 1, len(table) - 1)
-    low, high = table[at - 1].copy(), table[at].copy()
-    s, at_ends = 0.5 * (low + high), (x <= known[0]) | (x >= known[-1])
+    (a, b), (table, known) = extremal.form.span, extremal.abscissae
+    s = np.where(x <= known[0], a, b)
+    left = np.flatnonzero((x > known[0]) & (x < known[-1]))
+    at = np.clip(np.searchsorted(known, x[left], side="right"), 1, len(table) - 1)
+    low, high = table[at - 1], table[at]
+    s[left] = 0.5 * (low + high)
     for _ in range(INVERSION_STEPS):
-        value, _, speed, _ = lifted(extremal, s)
-        miss = value - x
-        low, high = np.where(miss <= 0, s, low), np.where(miss >= 0, s, high)
+        if not len(left):
+            break
+        here, there = s[left], x[left]
+        value, _, speed, _ = lifted(extremal, here)
+        miss = value - there
+        low, high = np.where(miss <= 0, here, low), np.where(miss >= 0, here, high)
         with np.errstate(divide="ignore", invalid="ignore"):
-            newton = s - miss / speed
+            newton = here - miss / speed
         inside = np.isfinite(newton) & (newton >= low) & (newton <= high)
         following = np.where(inside, newton, 0.5 * (low + high))
         # beyond that a step is made of the round-off of x(s), however often it is taken
-        settled = np.abs(following - s) <= np.finfo(float).eps * (b - a)
-        if np.all(at_ends | settled | (np.abs(miss) <= 2 * np.spacing(np.abs(x)))):
-            break
-        s = following
-    s = np.where(x <= known[0], a, s)
-    s = np.where(x >= known[-1], b, s)
+        settled = np.abs(following - here) <= np.finfo(float).eps * (b - a)
+        going = ~(settled | (np.abs(miss) <= 2 * np.spacing(np.abs(there))))
+        left, low, high = left[going], low[going], high[going]
+        s[left] = following[going]
     knots = np.array(extremal.form.conditions.knots)
     if len(knots):
         # beside a place at which dx/ds vanishes many s have the same x but for round-off, and the curve is steep
