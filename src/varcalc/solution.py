@@ -67,7 +67,10 @@ class ErrorEstimate:
 
 @dataclass(frozen=True)
 class Stats:
-    """Cost of a solve: seconds to build and to solve, iterations, number of unknowns, the mesh."""
+    """Cost of a solve: seconds to build and to solve, iterations, number of unknowns, the mesh.
+
+    ``more_starts`` says that starting curves were left that were not tried, for lack of ``Ritz.starts``.
+    """
 
     build: float = 0.0
     solve: float = 0.0
@@ -75,6 +78,7 @@ class Stats:
     unknowns: int = 0
     elements: int = 0
     degree: int = 0
+    more_starts: bool = False
 
 
 PROVED = "L is proved convex"

@@ -52,6 +52,8 @@ FINER_DEGREE = 8
 """Degree at most with which a finer mesh is begun."""
 FEW_STARTS = 2
 """Curves from which an answer is looked for first where it is not known that there is one."""
+CONCLUSIVE = {Verdict.NOT_ATTAINED, Verdict.DEGENERATE, Verdict.INFEASIBLE}
+"""What no other starting curve would change."""
 FINER_STARTS = 2
 """Curves at most from which it is begun: the known one is what it is for."""
 NO_LENGTH = "the functional is not the length of a metric that it is taken for"
@@ -343,48 +345,66 @@ def _broken(
 
 
 def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
-    """The first answer of a method that stands, over all forms; else the failure that got furthest, explained."""
-    if isinstance(method, Ritz) and method.starts > FEW_STARTS and any(problem.of_type(Bound)):
-        # bounds that no curve meets are told of before many starts are spent on them
-        few = replace(method, starts=FEW_STARTS)
-        found = replace(_explained(problem, _first_answer(problem, few, tol, guess)), method=method)
-        return found if found.status.ok or found.verdict is not None else _first_answer(problem, method, tol, guess)
-    return _explained(problem, _first_answer(problem, method, tol, guess))
+    """The first answer of a method that stands, over all forms; else the failure that got furthest, explained.
+
+    Where there is a choice of forms each is tried from the first starting curves before any is tried from all, and
+    bounds that no curve meets are told of before many are spent on them.
+    """
+    several = _count(problem) > 1
+    if not (isinstance(method, Ritz) and method.starts > FEW_STARTS and (several or any(problem.of_type(Bound)))):
+        return _explained(problem, _first_answer(problem, method, tol, guess))
+    few = replace(method, starts=FEW_STARTS)
+    found = replace(_explained(problem, _first_answer(problem, few, tol, guess)), method=method)
+    # what one form came to is where others begin; of one alone more curves are asked only where some were left
+    if found.status.ok or found.verdict in CONCLUSIVE or not (several or found.stats.more_starts):
+        return found
+    return _first_answer(problem, method, tol, guess, found if several else None)
+
+
+def _count(problem: Functional) -> int:
+    """How many forms a problem is tried in; none where it is infinite."""
+    try:
+        return len(forms(problem))
+    except Infinite:
+        return 0
 
 
 def _explained(problem: Functional, found: Solution) -> Solution:
     """An answer, or a failure with the conditions that no curve meets."""
     asked = problem.constraints or any(problem.slides)
-    if found.status.ok or not asked or found.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE, Verdict.INFEASIBLE}:
+    if found.status.ok or not asked or found.verdict in CONCLUSIVE:
         return found
     hopeless = all(form is not None and form.refused for form in forms(problem))
     return found if hopeless else explained(problem, found)
 
 
-def _first_answer(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
-    """The first answer of a method that stands, over all forms; else the failure that got furthest."""
-    failure: Solution | None = None
+def _first_answer(
+    problem: Functional, method: Method, tol: float, guess: Guess, failure: Solution | None = None
+) -> Solution:
+    """The first answer of a method that stands, over all forms; else the failure that got furthest.
+
+    A ``failure`` that is known is where the first form begins.
+    """
     try:
         candidates = forms(problem)
     except Infinite as reason:
         return no_answer(problem, method, Status.REFUSED, str(reason), Verdict.INFEASIBLE)
-    for way in _quick_first(method, len(candidates)):
-        for form in candidates:
-            if form is None or (form.coordinates.weak_only and not isinstance(way, Ritz)):
-                continue
-            if form.refused and not _reduces(way):
-                failure = failure or no_answer(problem, way, Status.REFUSED, form.refused)
-                continue
-            start = guess if guess is not None or failure is None or failure.curve is None else failure
-            solution = _in_form(way, form, tol, _sampled(problem, form, start))
-            if solution.status.ok and not form.coordinates.energetic and upright(solution) is not None:
-                return _unless_upright(way, candidates, tol, solution, form)
-            if solution.status.ok:
-                return _vouched(solution, failure, form, candidates)
-            if solution.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE}:
-                return solution
-            if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
-                failure = solution
+    for form in candidates:
+        if form is None or (form.coordinates.weak_only and not isinstance(method, Ritz)):
+            continue
+        if form.refused and not _reduces(method):
+            failure = failure or no_answer(problem, method, Status.REFUSED, form.refused)
+            continue
+        start = guess if guess is not None or failure is None or failure.curve is None else failure
+        solution = _in_form(method, form, tol, _sampled(problem, form, start))
+        if solution.status.ok and not form.coordinates.energetic and upright(solution) is not None:
+            return _unless_upright(method, candidates, tol, solution, form)
+        if solution.status.ok:
+            return _vouched(solution, failure, form, candidates)
+        if solution.verdict in {Verdict.NOT_ATTAINED, Verdict.DEGENERATE}:
+            return solution
+        if failure is None or (math.isnan(failure.value) and not math.isnan(solution.value)) or solution.verdict:
+            failure = solution
     assert failure is not None
     return failure
 
@@ -532,13 +552,6 @@ def _worth_something(solution: Solution) -> Solution:
         message = f"round-off leaves an error of {solution.error.value:.2g}: the ends are conjugate, or nearly so"
         return replace(solution, status=Status.NOT_CONVERGED, message=message)
     return solution
-
-
-def _quick_first(method: Method, count: int) -> list[Method]:
-    """Where there is a choice of forms, each is tried from the first starting curves before any is tried from all."""
-    if isinstance(method, Ritz) and method.starts > FEW_STARTS and count > 1:
-        return [replace(method, starts=FEW_STARTS), method]
-    return [method]
 
 
 def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:

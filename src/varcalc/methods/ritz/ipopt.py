@@ -44,6 +44,8 @@ SUMMED_ROUND_OFF = 1e-13
 ORDINATE_ROUND_OFF = 1e-12
 """Relative size of an ordinate or slope that is round-off."""
 
+AT_MINIMUM = {"bound_mult_init_method": "mu-based", "mu_init": 1e-6, "slack_bound_push": 1e-8, "slack_bound_frac": 1e-8}
+"""What keeps IPOPT where it begins: by its own defaults it pushes a curve that lies on a bound away from there."""
 SIZED_AT, SHRUNK = 17, 1e-3
 """Places at which the form's own starting curve is sized, and the part of it to which a function may shrink."""
 LEAST_EXACT = 1e-10
@@ -118,9 +120,9 @@ class _Program:
 
 
 def optimise(
-    system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, ipopt: Ipopt
+    system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, ipopt: Ipopt, *, known: bool = False
 ) -> tuple[Descent, dict[Any, Any]]:
-    """A minimum near ``z``.
+    """A minimum near ``z``, which is ``known`` to be one itself, in another space, or any curve.
 
     Returns the outcome and the multipliers of pathwise conditions (functions of
     s, by index of the constraint) and of integral inequalities (floats, by
@@ -159,6 +161,8 @@ def optimise(
         if program.derivatives.straight:
             options["ipopt"] |= {"jac_c_constant": "yes", "jac_d_constant": "yes"}
     # beyond round-off the multipliers of bounds that hold a curve wander, and with them what is left of the gradient
+    if known:
+        options["ipopt"] |= AT_MINIMUM
     lost = _round_off(options["hess_lag"], z / scale, program.count)
     options["ipopt"]["acceptable_tol"] = min(max(ipopt.tol, lost), LEAST_EXACT)
     nlp = {"x": program.w, "f": program.objective}

@@ -125,12 +125,16 @@ class Ritz(Brief):
             reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
             return no_answer(form.problem, self, Status.REFUSED, reason)
         load()
-        solution = None
+        solution, climbs = None, list[_Climb]()
         if form.has_bounds:
             solution = self._unbound(form, tol, guess)
             if solution is None and self.refine and (touchable(form) or steep(form)):
-                solution = self._through_contacts(form, tol, guess)
-        return solution or _Climb(self, form, tol).run(guess)
+                solution = self._through_contacts(form, tol, guess, climbs)
+        if solution is None:
+            climbs.append(_Climb(self, form, tol))
+            solution = climbs[-1].run(guess)
+        more = any(climb.rungs.more_starts for climb in climbs)
+        return replace(solution, stats=replace(solution.stats, more_starts=True)) if more else solution
 
     @property
     def plain(self) -> bool:
@@ -148,19 +152,27 @@ class Ritz(Brief):
         free = _Climb(replace(self, starts=1), without_inequalities(form), tol).run(guess)
         return kept(form, replace(free, method=self)) if free.status.ok else None
 
-    def _through_contacts(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
-        """The answer with the ends of contact among the unknowns; None where that leads to none that counts."""
+    def _through_contacts(self, form: Form, tol: float, guess: Sampled | None, climbs: list[_Climb]) -> Solution | None:
+        """The answer with the ends of contact among the unknowns; None where that leads to none that counts.
+
+        Those of the ``climbs`` to it are added that begin from the method's own starting curves.
+        """
         started = time.perf_counter()
         optimiser = self.optimiser if isinstance(self.optimiser, Ipopt) else Ipopt()
         optimiser = replace(optimiser, tol=max(optimiser.tol, COARSE_TOLERANCE))
         coarse = replace(self, degree=COARSE_DEGREE, refine=False, optimiser=optimiser)
-        tries = (_Climb(replace(coarse, elements=max(e, self.elements)), form, tol).run(guess) for e in COARSE)
+
+        def tried(way: Ritz, nearly: float) -> Solution:
+            climbs.append(_Climb(way, form, nearly))
+            return climbs[-1].run(guess)
+
+        tries = (tried(replace(coarse, elements=max(e, self.elements)), tol) for e in COARSE)
         first = next((one for one in tries if one.curve is not None), None)
         if first is None:
             return None
         solution = self._held(form, first, started, tol)
         if solution is None and first.error.value > UNSEEN * abs(first.value):  # what is touched is narrower than that
-            first = _Climb(self, form, ROUGHLY).run(guess)
+            first = tried(self, ROUGHLY)
             solution = self._held(form, first, started, tol)
         return solution
 
@@ -249,6 +261,8 @@ class Rungs:
         self.iterations, self.most = 0, MOST_ITERATIONS
         if isinstance(self.optimiser, Ipopt):
             self.most = min(self.most, UNFINISHED * self.optimiser.iterations)
+        self.more_starts = False
+        """Whether starting curves were left that might have led elsewhere."""
 
     def first_space(self, elements: int, degree: int | None) -> Space:
         """The first mesh: equal elements and the form's knots."""
@@ -287,13 +301,13 @@ class Rungs:
         following = self.system(richer)
         return following, following.pack(coefficients, system.unknowns(z))
 
-    def optimise(self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray) -> Rung | str:
-        """A minimum near ``z``, or why there is none."""
+    def optimise(self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, *, known: bool = True) -> Rung | str:
+        """A minimum near ``z``, or why there is none; ``known`` says that z is one in another space."""
         if self.iterations > self.most:
             return f"{self.iterations} iterations led to no minimum"
         path: dict[Any, Any] = {}
         if isinstance(self.optimiser, Ipopt):
-            outcome, path = optimise(system, z, multipliers, self.optimiser)
+            outcome, path = optimise(system, z, multipliers, self.optimiser, known=known)
         else:
             outcome = minimise(system, z, multipliers, self.optimiser, self.tol)
         self.iterations += outcome.iterations
@@ -314,13 +328,16 @@ class Rungs:
         wanted += guess is not None and wanted < COMPARED and len(bent) > 0
         found = 0
         for tried, z in enumerate(self.candidates(system, guess, bent), start=1):
-            rung = self.optimise(system, z, np.zeros(conditions))
+            rung = self.optimise(system, z, np.zeros(conditions), known=False)
             if isinstance(rung, str):
                 reasons.append(rung)
             else:
                 found += 1
                 best = rung if best is None or rung.value < best.value else best
-            if found >= wanted or tried >= self.starts:
+            if found >= wanted:
+                break
+            if tried >= self.starts:
+                self.more_starts = True
                 break
         if best is not None:
             return best
@@ -454,8 +471,10 @@ class _Climb:
         rungs = self.rungs
         space = rungs.first_space(self.method.elements, self.method.degree)
         rung = rungs.start(space, guess)
-        persistent = self.method.refine and self.method.starts > 2
-        while isinstance(rung, str) and persistent and space.degree < RESTART_DEGREE:
+        while isinstance(rung, str) and self.method.refine and space.degree < RESTART_DEGREE:
+            if self.method.starts <= 2:
+                rungs.more_starts = True
+                break
             space = rungs.space(space.vertices, rungs.richer(space.degree))
             rung = rungs.start(space, guess)
         return rung
