@@ -56,32 +56,6 @@ def test_the_second_order_does_not_decide_where_the_slope_is_not_felt(problem):
 # Newton's body of least resistance
 
 
-def newtons_body():
-    """Nose, slope at the rim and drag at height 1: x = k (1 + t^2)^2/t, y = k (3 t^4/4 + t^2 - log t - 7/4), t >= 1."""
-
-    def across(t):
-        return (1 + t**2) ** 2 / t
-
-    rim = mp.findroot(lambda t: 3 * t**4 / 4 + t**2 - mp.log(t) - mp.mpf(7) / 4 - across(t), 1.9)
-    k = 1 / across(rim)
-    side = mp.quad(lambda t: across(t) / (1 + t**2) * (3 * t**2 + 2 - t**-2), [1, rim])
-    return float(4 * k), float(rim), float((4 * k) ** 2 + 2 * k**2 * side)
-
-
-def test_newtons_body():
-    body = vc.Problem(
-        lambda x, y, v: 2 * x / (1 + v**2), vc.Fixed(0, 0), vc.Fixed(1, 1), [vc.Bound(lambda x, y, v: v, lower=0)]
-    )
-    nose, rim, drag = newtons_body()
-    solution = vc.solve(body)
-    assert abs(solution.value - drag) <= 10 * solution.error.value <= 1e-8
-    assert drag < 0.5  # a cone's
-    assert solution.dy(1.0) == pytest.approx(rim, rel=1e-4)
-    assert solution.dy(nose + 1e-5) == pytest.approx(1.0, abs=1e-2)
-    assert np.abs(solution.y(np.linspace(0, nose - 1e-5, 20))).max() < 1e-8
-    assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
-
-
 def test_without_the_bound_zigzags_cost_nothing():
     # steep slopes of either sign make the drag as small as one likes
     body = vc.Problem(lambda x, y, v: 2 * x / (1 + v**2), vc.Fixed(0, 0), vc.Fixed(1, 1))

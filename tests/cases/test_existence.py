@@ -270,17 +270,3 @@ def test_of_a_film_too_wide_that_there_is_none():
     check = vc.diagnose(film(float(WIDEST) + 1e-6))
     assert check.verdict is vc.Verdict.NO_EXTREMAL
     assert vc.diagnose(film(float(WIDEST) - 1e-4)).verdict is not vc.Verdict.NO_EXTREMAL
-
-
-def test_of_a_film_beyond_goldschmidts_width_what_beats_it():
-    check = vc.diagnose(film(0.6))
-    assert check.verdict is vc.Verdict.MINIMUM
-    assert check.evidence["broken"].value == pytest.approx(DISCS, abs=1e-9)
-
-
-@pytest.mark.parametrize(("duration", "end"), [(4, 1.0), (mp.pi, 1.0)])
-def test_of_an_action_without_bound_that_it_has_none(duration, end):
-    check = vc.diagnose(oscillator(duration, end))
-    assert check.verdict is vc.Verdict.UNBOUNDED
-    # beyond the conjugate point there is a saddle, at it nothing
-    assert [s.index for s in check.evidence["extremals"]] == ([1] if duration == 4 else [])

@@ -143,14 +143,3 @@ def test_where_a_curve_of_infinite_slope_attains_the_minimum_there_is_no_gap():
     assert solution.verdict is not vc.Verdict.GAP
     if solution.status.ok:
         assert abs(solution.value - 0.5) <= 10 * solution.error.value
-
-
-# what diagnose says
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_diagnose_gives_the_same_reason(name):
-    check = vc.diagnose(EXAMPLES[name])
-    assert check.verdict is VERDICTS[name]
-    if name == "Bolza":
-        assert check.relaxed_value == pytest.approx(INFIMUM, abs=1e-6)

@@ -79,10 +79,14 @@ def test_newtons_body_of_least_resistance(height):
     )
     nose, last, drag = newtons_body(height)
     solution = vc.solve(body)
+    assert drag < 1 / (1 + height**2)
     assert solution.value == pytest.approx(drag, abs=1e-10)
+    assert abs(solution.value - drag) <= 10 * solution.error.value <= 1e-8
     assert solution.dy(1.0) == pytest.approx(last, rel=1e-4)
     assert solution.dy(nose - 1e-4) == pytest.approx(0, abs=1e-4)
-    assert solution.dy(nose + 1e-4) == pytest.approx(1, abs=1e-2)
+    assert np.abs(solution.y(np.linspace(0, nose - 1e-5, 20))).max() < 1e-8
+    assert solution.dy(nose + np.array([1e-4, 1e-5])) == pytest.approx(1, abs=1e-2)
+    assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
 
 
 def bolza(rise):

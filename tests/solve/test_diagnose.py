@@ -60,6 +60,11 @@ def test_the_verdict(name):
     assert diagnosis.evidence["solution"].status.ok == (verdict in ("MINIMUM", "MAXIMUM"))
 
 
+@pytest.mark.parametrize(("name", "indices"), [("beyond the conjugate point", [1]), ("conjugate ends", [])])
+def test_beyond_a_conjugate_point_there_is_a_saddle_and_at_it_nothing(name, indices):
+    assert [extremal.index for extremal in diagnosed(name).evidence["extremals"]] == indices
+
+
 def test_the_relaxed_value_and_how_it_is_approached():
     diagnosis = diagnosed("Bolza")
     assert diagnosis.relaxed_value == pytest.approx(0, abs=1e-12)
@@ -82,7 +87,9 @@ def test_goldschmidts_curve_is_named():
     # below the fold at 0.6627 and above 0.5277 the catenary is only local: two discs have half the area 2 pi
     assert film.local
     assert film.lower == pytest.approx(1, abs=1e-9)
-    assert vc.diagnose(soap_film(0.6)).evidence["broken"].value == pytest.approx(1, abs=1e-9)
+    diagnosis = vc.diagnose(soap_film(0.6))
+    assert diagnosis.verdict is vc.Verdict.MINIMUM
+    assert diagnosis.evidence["broken"].value == pytest.approx(1, abs=1e-9)
     assert not vc.solve(soap_film(0.5)).local  # below y = 0 lies another functional, which has no least value
 
 
