@@ -159,3 +159,15 @@ def test_a_call_of_a_table_takes_as_long_as_many_instructions():
     table = ca.interpolant("table", "bspline", [np.linspace(-1, 2, 13).tolist()], np.linspace(0, 3, 13).tolist())
     called, written = (PointEvaluator(ca.Function("f", [X], [y])) for y in (sum(table(k * X) for k in range(3)), X**3))
     assert called.usual < 10 < written.usual
+
+
+@pytest.mark.parametrize("shape", [(50_000, 8), (3, 20_000), (2, 30_000, 2)])
+def test_large_arrays_are_taken_part_by_part(shape: tuple[int, ...]) -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y", 3)
+    function = ca.Function("f", [x, y], [ca.sin(x) * y[0] + ca.exp(y[1]) / y[2], ca.SX(3), x**2])
+    rng = np.random.default_rng(1)
+    last, large, side = rng.random(shape[-1]), rng.random(shape), rng.random((*shape[:-1], 1))
+    found = PointEvaluator(function).columns(last, [large, side, 0.5])
+    exact = [np.sin(last) * large + np.exp(side) / 0.5, 3.0, last**2]
+    for column, expected in zip(found, exact, strict=True):
+        np.testing.assert_array_equal(np.broadcast_to(column, shape), np.broadcast_to(expected, shape))

@@ -31,6 +31,8 @@ POINTS_AN_INSTRUCTION, MOST_POINTS = 20, 3000
 """After so many points it has paid to read an instruction; and to read a function, however long it is."""
 COLUMN = 4096
 """Points in a column: with it the columns at work stay in the cache."""
+PART = 2 * COLUMN
+"""Entries of the parts into which larger arrays are cut, for the same reason: of more axes some entries are shared."""
 MANY = -2
 """In the place of a second operand: the first holds as many as there are."""
 
@@ -248,12 +250,32 @@ class _Instructions:
         return _Instructions, (self.function,)
 
     def __call__(self, *arguments: Any) -> list[Any]:
-        work: list[Any] = [None] * self._computed
+        given: list[Any] = []
         for width, argument in zip(self._widths, arguments, strict=True):
             if width == 1 and not isinstance(argument, list | tuple):
-                work.append(argument)
+                given.append(argument)
             else:
-                work += argument
+                given += argument
+        largest = max((a.size for a in given if isinstance(a, np.ndarray)), default=1)
+        return self._at(given) if largest <= 2 * PART else self._part_by_part(given)
+
+    def _part_by_part(self, given: Sequence[Any]) -> list[np.ndarray]:
+        """The results cut across their longest axis; they have the shape to which what is ``given`` broadcasts."""
+        shape = np.broadcast_shapes(*map(np.shape, given))
+        axis = int(np.argmax(shape)) - len(shape)
+        results = [np.empty(shape) for _ in range(self._count)]
+        step = max(1, PART * shape[axis] // math.prod(shape))
+        for first in range(0, shape[axis], step):
+            part = (..., slice(first, first + step), *[slice(None)] * (-1 - axis))
+            varying = [np.ndim(a) >= -axis and np.shape(a)[axis] > 1 for a in given]
+            found = self._at([a[part] if varies else a for a, varies in zip(given, varying, strict=True)])
+            for result, column in zip(results, found, strict=True):
+                result[part] = column
+        return results
+
+    def _at(self, given: Sequence[Any]) -> list[Any]:
+        work: list[Any] = [None] * self._computed
+        work += given
         work += self._constants
         results: list[Any] = [0.0] * self._count
         with np.errstate(all="ignore"):
