@@ -31,7 +31,7 @@ HIDES_WELLS: Rules = {**VARYING, **SWITCHED}
 """Operations of which a narrow well of what ends cost may come."""
 SECOND_STEP = 1e-4
 """Departure, in units of the curve's size, by which second derivatives are taken."""
-LOWER_ENDS, SHARE_TOLD = 1e-3, 1e-3
+LOWER_ENDS, SHARE_TOLD = 1e-3, 1e-6
 """How much lower, relative to what is summed, another curve has to be, and how nearly the lowest one is told: to that,
 or to a share of how much lower it is."""
 

@@ -42,7 +42,7 @@ FIRST_LINES = {1: 8, 2: 4, 3: 2}
 """How many of them are asked first, of so many functions, whether there is anything at all."""
 SHELLS = {1: 2.0 ** np.arange(-6, 6.25, 0.5), 2: 2.0 ** np.arange(-3, 6), 3: 4.0 ** np.arange(-1, 3)}
 """Departures between which boxes lie, either way, of so many functions, in units of the larger of size and interval."""
-LOWER_VALLEY, SHARE_TOLD = 1e-2, 1e-3
+LOWER_VALLEY, SHARE_TOLD = 1e-2, 1e-6
 """How much lower, relative to what is summed, a shifted curve has to be, and how nearly the lowest one is told: to
 that, or to a share of how much lower it is."""
 HIDING: Rules = {**RULES, **SWITCHED}
