@@ -12,6 +12,8 @@ import pytest
 from scipy.optimize import brentq
 
 import varcalc as vc
+from varcalc.solution import Stats, no_answer
+from varcalc.solve import ladder
 from varcalc.solve.ladder import _compared
 
 UNITS = [1e7, 1e-7]
@@ -588,3 +590,26 @@ def test_where_every_curve_costs_infinitely_much_there_is_no_answer_and_no_warni
     found = vc.solve(vc.Problem(lambda x, y, v: math.inf * v**2, vc.Fixed(0, 0), vc.Fixed(1, 1)), throw=False)
     assert not found.status.ok
     assert found.message
+
+
+@pytest.mark.parametrize(("left", "asked"), [(False, [2]), (True, [2, 12])])
+def test_a_climb_is_done_again_only_where_starting_curves_were_left(
+    left: bool, asked: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    starts = []
+
+    def failing(method: vc.Ritz, form: Any, tol: float, start: object) -> vc.Solution:
+        starts.append(method.starts)
+        return no_answer(form.problem, method, vc.Status.NOT_CONVERGED, "none", stats=Stats(more_starts=left))
+
+    monkeypatch.setattr(ladder, "_in_form", failing)
+    floor = vc.Bound(lambda x, y, dy: y, lower=-1)
+    ladder._attempt(vc.Problem(oscillator, vc.Fixed(0, 0), vc.Fixed(1, 1), [floor]), vc.Ritz(), 1e-10, None)
+    assert starts == asked
+
+
+def test_it_is_told_whether_starting_curves_were_left() -> None:
+    solved = vc.solve(vc.Problem(oscillator, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    assert not solved.stats.more_starts
+    beyond = vc.Problem(oscillator, vc.Fixed(0, 0), vc.Fixed(4, 1))
+    assert vc.solve(beyond, vc.Ritz(starts=1), throw=False).stats.more_starts

@@ -5,6 +5,7 @@ import math
 import pytest
 
 import varcalc as vc
+from varcalc.numerics import roots
 
 
 def kink(left: float, length: float) -> tuple[vc.Problem, float]:
@@ -25,6 +26,13 @@ def test_a_kink_is_where_the_ends_hold_it(left, length, method):
     solution = vc.solve(problem, method)
     assert solution.value == pytest.approx(value, rel=1e-13)
     assert solution.curve([float(left)], 0)[0, 0] == pytest.approx(0, abs=1e-4)
+
+
+def test_slopes_beside_a_long_rest_are_found_in_few_steps(monkeypatch):
+    """L - y' L_y' falls through zero there at a slope that differs from the curve's by less than round-off."""
+    monkeypatch.setattr(roots, "NEWTON_STEPS", 12)
+    problem, value = kink(6, 30)
+    assert vc.solve(problem, vc.FirstIntegral()).value == pytest.approx(value, rel=1e-13)
 
 
 @pytest.mark.parametrize("length", [10, 100, 250])
