@@ -95,7 +95,7 @@ class NarrowValleys:
         """Whether two polygons are one but for how they come into the valley."""
         one, another = valley(self._lines), other(self._lines)
         apart = np.abs(one - another).max(axis=0) > SAME_DEPARTURE * np.abs(another).max()
-        return np.count_nonzero(apart) <= ELSEWHERE
+        return int(np.count_nonzero(apart)) <= ELSEWHERE
 
     def _least(
         self, low: np.ndarray, high: np.ndarray, number: np.ndarray, near: float

@@ -53,8 +53,8 @@ STILL, MOST_OF_POLYGON = (1e-2, 3e-3), 8
 
 One that would rest on a jump waves across it.
 """
-HALF_WAY = 3.0
-"""How much more, in the same units, what is followed may be along a narrow valley than in the middle."""
+HALF_WAY, BESIDE_VALLEY = 3.0, 1e-9
+"""How much more, in the same units, what is followed may be along a narrow valley than in the middle, and at least."""
 STEPS_ALONG_KINKS = 60
 """Iterations in which a curve that follows kinks is found where it does: a few."""
 ROUGH_DEGREE = 6
@@ -167,6 +167,7 @@ def _by_polygons(problem: Problem, method: Ritz, tol: float) -> Solution | None:
         narrow = narrow_about(from_line(formulate(problem)))
         valleys = [] if narrow is None else narrow.distinct()
     for valley in valleys:
+        assert narrow is not None
         polygon = narrow.landscape.along(valley)
         if (found := _as_polygon(problem, method, tol, polygon, valley.marks)[0]) is not None:
             return found
@@ -202,8 +203,8 @@ def _small_half_way(problem: Problem, curve: Curve, sizes: np.ndarray) -> list[f
     middle = np.array([0.5 * sum(problem.span)])
     at = np.abs(arguments_along(problem, curve, middle, problem.unknown_guesses)[:, 0]) / sizes
     kinks = [not (switch.jumps or switch.smooth) for switch in on_curve(problem)]
-    near = HALF_WAY * at[kinks]
-    return [ARGUMENT_ROUND_OFF, *sorted(near[(near > ARGUMENT_ROUND_OFF) & (near < STILL[0])].tolist())]
+    near = np.maximum(HALF_WAY * at[kinks], BESIDE_VALLEY)
+    return [ARGUMENT_ROUND_OFF, *np.unique(near[near < STILL[0]]).tolist()]
 
 
 def _clear_of_bounds(problem: Problem, method: Ritz, tol: float, guess: Sampled | None) -> Solution | None:

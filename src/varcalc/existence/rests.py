@@ -67,10 +67,10 @@ def with_rests(
             return None
         sides = [kink.strongest(curve, way) for way in ways]
         led = method.at_contacts(_moving(form, kink, curve, contacts, sides), contacts, curve, tol)
-        if led is None or led[0].curve is None:
+        if led is None or (following := led[0].curve) is None:
             return None
         (solution, kept), before = led, contacts
-        curve = solution.curve
+        curve = following
         missed = kink.missed(curve, kept, [side for _, side in sides]) if len(kept) == len(before) else []
         contacts = sorted([*kept, *missed], key=lambda c: c.start)
         if len(contacts) == len(before):

@@ -281,18 +281,18 @@ def _length(a: Between, b: Between) -> np.ndarray:
     return Between(range_, np.hypot(a.first, b.first), np.hypot(a.last, b.last)).factor
 
 
-def _switches(*operands: Between) -> np.ndarray:
+def _switches(a: Between, b: Between | None = None) -> np.ndarray:
     """More than 1 where zero lies between what is compared: a pair of switches hides anything between them."""
-    low, high = operands[0].range
-    if len(operands) > 1:
-        low, high = low - operands[1].range[1], high - operands[1].range[0]
+    low, high = a.range
+    if b is not None:
+        low, high = low - b.range[1], high - b.range[0]
     return np.where((low <= 0) & (high >= 0) & (low < high), 2.0, 0.0)
 
 
-def _steps(*operands: Between, beyond: float = 0.0) -> np.ndarray:
+def _steps(a: Between, b: Between | None = None, beyond: float = 0.0) -> np.ndarray:
     """The same where so far ``beyond`` a whole multiple of the second operand, or of 1, lies in the first's range."""
-    size = np.maximum(*map(np.abs, operands[1].range)) if len(operands) > 1 else 1.0
-    low, high = (v / size + beyond for v in operands[0].range)
+    size = 1.0 if b is None else np.maximum(np.abs(b.range[0]), np.abs(b.range[1]))
+    low, high = (v / size + beyond for v in a.range)
     return np.where(np.floor(low) != np.floor(high), 2.0, 0.0)
 
 
