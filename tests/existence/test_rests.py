@@ -80,6 +80,13 @@ def test_rests_end_where_the_body_sets_out(away):
     np.testing.assert_allclose(solution.curve(x, 1)[0], slopes, atol=1e-6)
 
 
+def test_the_ladder_finds_all_rests():
+    found = vc.solve(pushed())
+    assert found.value == pytest.approx(least(), abs=1e-10)
+    assert abs(found.value - least()) <= 10 * found.error.value
+    assert not found.local
+
+
 def test_a_rest_that_was_not_seen_is_found():
     """The curve strays to the other side of the kink on its way where a rest is missing."""
     problem, ends = pushed(), turns()

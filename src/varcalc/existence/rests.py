@@ -38,8 +38,6 @@ STRAYING = 1e-6
 """Part of the largest argument on a way by which it may lie on the other side of the kink."""
 POINTS_OF_REST = 8
 """Gauss points between two of those of a rest."""
-INSIDE_REST = 1e-8
-"""Part of a rest at its ends that is not looked at."""
 ASIDE = 1e-7
 """Slope, in units of 1 and the curve's, at which the momenta on the sides of a kink are taken."""
 MOMENTUM_ROOM = 1e-6
@@ -58,28 +56,25 @@ def with_rests(
     """The minimum that rests, nearly, where a ``curve`` follows one kink of the slope; None where none counts."""
     if not _treated(problem, found):
         return None
-    form, switch = formulate(problem), found[0].switch
-    kink = _Kink(problem, switch)
-    contacts = kink.contacts(curve, found)
+    form, kink, guess = formulate(problem), _Kink(problem, found[0].switch), curve
+    contacts = kink.contacts(guess, found)
     for _ in range(ROUNDS_OF_RESTS):
         ways = _ways(problem, contacts)
         if not ways or any(a.end >= b.start for a, b in pairwise(contacts)):
             return None
-        sides = [kink.strongest(curve, way) for way in ways]
-        led = method.at_contacts(_moving(form, kink, curve, contacts, sides), contacts, curve, tol)
+        # a curve that strays across the kink does not say on which side it should be
+        sides = [kink.strongest(guess, way) for way in ways]
+        led = method.at_contacts(_moving(form, kink, guess, contacts, sides), contacts, curve, tol)
         if led is None or (following := led[0].curve) is None:
             return None
-        (solution, kept), before = led, contacts
-        curve = following
-        missed = kink.missed(curve, kept, [side for _, side in sides]) if len(kept) == len(before) else []
+        (solution, kept), curve = led, following
+        missed = kink.missed(curve, kept, [side for _, side in sides]) if len(kept) == len(contacts) else []
+        if len(kept) == len(contacts) and not missed:
+            held_back = kink.holds(curve, kept, [side for _, side in sides])
+            own = resampled(curve, solution.x, 2)
+            return replace(solution, method=method, curve=own, extremal=None) if held_back else None
         contacts = sorted([*kept, *missed], key=lambda c: c.start)
-        if len(contacts) == len(before):
-            break
-    else:
-        return None
-    if not kink.holds(curve, contacts, [side for _, side in sides]):
-        return None
-    return replace(solution, method=method, curve=resampled(curve, solution.x, 2), extremal=None)
+    return None
 
 
 def _treated(problem: Problem, found: Sequence[Crossing]) -> bool:
@@ -120,6 +115,9 @@ class _Kink:
 
     def __init__(self, problem: Problem, switch: Switch) -> None:
         self.problem, self.switch = problem, switch
+        s, argument = problem.symbols, switch.argument
+        rate = ca.gradient(argument, s.dy)
+        self._onto = ca.Function("onto", s.all, [ca.densify(s.dy - argument / rate), ca.densify(rate)])
         self._number = next(k for k, other in enumerate(on_curve(problem)) if other is switch)
 
     def arguments(self, curve: CurveOrSlope, x: np.ndarray) -> np.ndarray:
@@ -185,8 +183,7 @@ class _Kink:
 
     def _rests(self, curve: CurveOrSlope, rest: Contact, ways: Sequence[Way], sides: Sequence[float]) -> bool:
         """Whether the momentum along a rest, from the way before it or after it, is between those of both sides."""
-        # what is asked at an end is asked inside the rest: beside it the slope is as good as the end is
-        x = rest.start + (rest.end - rest.start) * np.linspace(INSIDE_REST, 1 - INSIDE_REST, PLACES_OF_WAY)
+        x = np.linspace(rest.start, rest.end, PLACES_OF_WAY)
         least, greatest = (self._gradient(curve, x, up)[:, 1] for up in (-1.0, 1.0))
         nodes, weights = composite_gauss(x, POINTS_OF_REST)
         rates = self._gradient(curve, nodes, 0.0)[:, 0]
@@ -194,22 +191,26 @@ class _Kink:
         before = [side for way, side in zip(ways, sides, strict=True) if way[1] == rest.start]
         after = [side for way, side in zip(ways, sides, strict=True) if way[0] == rest.end]
         if before:
-            momenta = self._momentum(curve, x[0], before[0]) + gained
+            momenta = self._momentum(curve, rest.start, before[0]) + gained
         else:
-            momenta = self._momentum(curve, x[-1], after[0]) + gained - gained[-1]
+            momenta = self._momentum(curve, rest.end, after[0]) + gained - gained[-1]
         room = MOMENTUM_ROOM * max(float(np.abs(side).max()) for side in (least, greatest, momenta))
         return bool((momenta >= least - room).all() and (momenta <= greatest + room).all())
 
     def _momentum(self, curve: CurveOrSlope, x: float, side: float) -> float:
-        """The momentum at one place, with L as it is on one side of the kink."""
-        s = self.problem.symbols
-        rate = ca.Function("rate", s.all, [ca.gradient(self.switch.argument, s.dy)])
-        up = side * float(np.sign(float(rate(*self.point(curve, x)))))
-        return float(self._gradient(curve, np.array([x]), up)[0, 1])
+        """The momentum at one place on the kink, with L as it is on one side of that."""
+        at = np.array([x])
+        up = side * float(np.sign(self._on_kink(curve, at)[1][0, 0]))
+        return float(self._gradient(curve, at, up)[0, 1])
 
     def _gradient(self, curve: CurveOrSlope, x: np.ndarray, up: float) -> np.ndarray:
-        """The derivatives (m, 2) of what is minimised by the curve and its slope, where that is a little more."""
-        slope = curve(x, 1)
+        """The derivatives (m, 2) of what is minimised by the curve and its slope, a little more than on the kink."""
+        slope = self._on_kink(curve, x)[0]
         aside = up * ASIDE * max(1.0, float(np.abs(slope).max()))
         found = self.problem.integrand_derivatives(x, curve(x, 0), slope + aside).gradient[:, 1:]
         return self.problem.sign * np.asarray(found)
+
+    def _on_kink(self, curve: CurveOrSlope, x: np.ndarray) -> list[np.ndarray]:
+        """The slopes (1, m) on the kink at x (m,) of a curve, and the rates (1, m) of its argument by the slope."""
+        numbers, none = np.tile(self.problem.parameter_values[:, None], (1, len(x))), np.zeros((0, len(x)))
+        return [np.asarray(v) for v in self._onto(x[None], curve(x, 0), curve(x, 1), none, numbers, none)]

@@ -50,6 +50,8 @@ def least_points(
         lowest = bound(low, high, number)
         kept = hopeful(lowest, number)
         low, high, number, lowest = low[:, kept], high[:, kept], number[kept], lowest[kept]
+        if not len(number):
+            break
         middle = 0.5 * (low + high)
         values = value(middle, number)
         order = np.argsort(-values, kind="stable")  # of several with one number the last one stays: the lowest

@@ -91,7 +91,7 @@ def shift(form: Form, before: Sequence[Contact], after: Sequence[Contact]) -> fl
     if len(before) != len(after) or met:
         return math.inf
     shifts = [max(abs(a.start - b.start), abs(a.end - b.end)) for a, b in zip(before, after, strict=True)]
-    return max(shifts) / (form.span[1] - form.span[0])
+    return max(shifts, default=0.0) / (form.span[1] - form.span[0])
 
 
 def _newton(
