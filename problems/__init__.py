@@ -1,7 +1,7 @@
 """The reference problems, one file each: what it is, its source, the functional, the closed form.
 
 In the repository this is the folder ``problems/``; installed, it is the package ``varcalc.problems``.
-:func:`varcalc.reference.load` runs a file by its name.
+:func:`varcalc.study.reference.load` runs a file by its name.
 """
 
 from importlib import import_module
