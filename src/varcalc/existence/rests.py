@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.directions import CurveOrSlope
+from varcalc.existence.in_pieces import NEAR_ENDS
 from varcalc.formulation import Contact, Form, Stated, formulate
 from varcalc.formulation.form import SideCondition
 from varcalc.methods.crossings import Crossing, arguments_along
@@ -32,8 +33,6 @@ from varcalc.symbolic.switches import Switch, held
 
 PLACES_OF_WAY = 33
 """Places of a way on which a curve moves, or of a rest, that are looked at."""
-NEAR_ENDS = 1e-3
-"""Share of the interval within which a rest begins, or ends, at its end."""
 STRAYING = 1e-6
 """Part of the largest argument on a way by which it may lie on the other side of the kink."""
 POINTS_OF_REST = 8

@@ -1,0 +1,266 @@
+"""Curves that are broken where they meet kinks and jumps: solved in pieces until they meet no others.
+
+The abscissae at which a curve is broken are unknowns, with Weierstrass and Erdmann's conditions of refraction there
+(Gelfand and Fomin, "Calculus of Variations", sect. 15), and the curve follows a kink where that held it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from varcalc.existence.above_kinks import as_held
+from varcalc.existence.held_throughout import Curve
+from varcalc.existence.rounded import ordinates_of
+from varcalc.formulation import Refraction, Ride, broken_form, formulate
+from varcalc.formulation.broken import LENGTH_KEPT
+from varcalc.formulation.height import height
+from varcalc.methods.answer import lifted, runs_forwards
+from varcalc.methods.crossings import (
+    ARGUMENT_ROUND_OFF,
+    Crossing,
+    arguments_along,
+    met_by,
+    on_curve,
+    unmet,
+)
+from varcalc.methods.ritz.ipopt import Ipopt
+from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import composite_gauss
+from varcalc.problem.breaks import integrals
+from varcalc.problem.problem import Problem
+from varcalc.solution import Solution
+
+STEPS_ALONG_KINKS = 60
+"""Iterations in which a curve that follows kinks is found where it does: a few."""
+ROUGH_DEGREE = 6
+"""Degree at which it is seen which stretches along a kink are left."""
+FOLLOWED_TO = 1e-6
+"""Size of what is zero along a stretch, in its own units, to which an interior-point method holds it."""
+NEAR_ENDS = 1e-3
+"""Share of the interval within which what is followed is followed from an end, or to it."""
+VANISHED = 1.5
+"""Of the least length that a piece may have: one that is no longer has vanished."""
+ROUNDS = 6
+"""Times that pieces are put together anew."""
+BESIDE_JUMP, FURTHER_ASIDE = 1e-3, 10.0
+"""Distance from a jump, in units of what counts as on it, at which a curve runs that would run along it; and by what
+factor it grows where the curve strays across all the same."""
+ARCH = Polynomial([0.0, 0.0, 16.0, -32.0, 16.0])
+"""A bump on [0, 1] that is level at its ends."""
+BUMPS, BUMP_ROUND_OFF = (1e-4, 1e-6), 1e-13
+"""Heights of bumps, in units of the curve's, by which it is seen that a kink holds a curve; what sums are off by."""
+BUMP_ELEMENTS, BUMP_POINTS = 8, 12
+PLACES_OF_PIECE = 33
+"""Places of a piece at which it is seen whether it runs along a jump."""
+SAME_PLACE = 1e-9
+"""Share of the interval by which two crossings at one place may differ."""
+MOST = 40
+"""Crossings of one curve that are treated."""
+
+
+def settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
+    """The least curve broken where ``curve`` meets switches, or where that one does, until it meets no others."""
+    on_jump: float | None = None  # the value along a curve on a jump itself
+    for _ in range(ROUNDS):
+        solution = None if len(found) > MOST else _broken_at(problem, method, tol, curve, found)
+        if solution is None or solution.curve is None:
+            return None
+        if len(lasting := _lasting(solution, found)) < len(found):
+            found = lasting
+            continue
+        if len(_vanished(solution)):  # it is kept from being least
+            return None
+        rides = any(c.until is not None for c in found)
+        seen = breaking(problem, met_by(solution, FOLLOWED_TO if rides else ARGUMENT_ROUND_OFF))
+        if not as_held(problem, solution):
+            aside = _aside(problem, curve, found, solution)
+            if not alike(problem, aside, found):
+                on_jump = solution.value if on_jump is None else on_jump
+                found = aside
+                continue
+            if not unmet(problem, seen, corners(solution)):
+                return None
+        elif not unmet(problem, seen, corners(solution)):
+            return _off_by(solution, on_jump) if _held_there(problem, solution, seen) else None
+        curve, found, on_jump = solution.curve, seen, None
+    return None
+
+
+def breaking(problem: Problem, found: list[Crossing]) -> list[Crossing]:
+    """The crossings but those of a slope at which L is smooth after all: the equations hold there, unbroken.
+
+    What is crossed at the end of a stretch along which it is followed is none either: round-off is.
+    """
+    near = NEAR_ENDS * (problem.span[1] - problem.span[0])
+    rides = [c for c in found if c.until is not None]
+    followed = [c for c in found if c.until is None and any(_beside(c, ride, near) for ride in rides)]
+    smooth = [c for c in found if c.switch.smooth and c.switch.depends_on(problem.symbols.highest)]
+    return [c for c in found if not any(c is other for other in (*followed, *smooth))]
+
+
+def _beside(crossing: Crossing, ride: Crossing, near: float) -> bool:
+    """Whether a crossing lies on a stretch along which the same switch is followed, or by less than ``near`` off it."""
+    assert ride.until is not None
+    same = crossing.switch is ride.switch and crossing.level == ride.level
+    return same and ride.x - near <= crossing.x <= ride.until + near
+
+
+def alike(problem: Problem, found: list[Crossing], others: list[Crossing]) -> bool:
+    """Whether crossings are those of others but for round-off."""
+    apart = SAME_PLACE * (problem.span[1] - problem.span[0])
+    return len(found) == len(others) and all(
+        a.switch is b.switch and a.level == b.level and (a.until is None) == (b.until is None)
+        and abs(a.x - b.x) <= apart and abs((a.until or 0.0) - (b.until or 0.0)) <= apart
+        for a, b in zip(found, others, strict=True)
+    )  # fmt: skip
+
+
+def corners(solution: Solution) -> np.ndarray:
+    """The abscissae of corners that were among the unknowns."""
+    extremal = solution.extremal
+    if extremal is None or not extremal.form.coordinates.corners:
+        return np.zeros(0)
+    return np.array([*lifted(extremal, np.array(extremal.form.conditions.knots))[0], *solution.problem.span])
+
+
+def _off_by(solution: Solution, on_jump: float | None) -> Solution:
+    """The solution with what it is off by for running beside a jump and not on it, as its value there tells."""
+    if on_jump is None:
+        return solution
+    return replace(solution, error=replace(solution.error, value=solution.error.value + abs(solution.value - on_jump)))
+
+
+def _held_there(problem: Problem, solution: Solution, seen: list[Crossing]) -> bool:
+    """Whether small bumps either way, where a curve rests on a kink of its place, make the functional worse.
+
+    On a crest of L a curve is in balance, too.
+    """
+    assert solution.curve is not None
+    extent = max(float(np.abs(solution.curve(solution.x, 0)).max()), height(formulate(problem)))
+    bumps = np.concatenate([np.eye(problem.n), -np.eye(problem.n)])[:, :, None]
+    for stretch in ((c.x, c.until) for c in seen if c.until is not None):
+        value = partial(_bumped, problem, solution, stretch)
+        own = value(0.0 * bumps[0])
+        if any(value(share * extent * bump) < own - BUMP_ROUND_OFF * abs(own) for share in BUMPS for bump in bumps):
+            return False
+    return True
+
+
+def _bumped(problem: Problem, solution: Solution, stretch: tuple[float, float], bump: np.ndarray) -> float:
+    """What is minimised, levels and their multipliers included, over a stretch of a curve with a ``bump`` (n, 1)."""
+    assert solution.curve is not None
+    first, last = stretch
+    x, weights = composite_gauss(np.linspace(first, last, 1 + BUMP_ELEMENTS), BUMP_POINTS)
+    part, width = (x - first) / (last - first), last - first
+    bent = [
+        solution.curve(x, k) + bump * (ARCH.deriv(k) if k else ARCH)(part) / width**k for k in range(1 + problem.order)
+    ]
+    bend = [] if problem.order == 2 else [np.zeros((0, len(x)))]
+    unknowns = np.array([solution.unknowns[name] for name in problem.unknowns])
+    columns = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, unknowns)]
+    terms = integrals(problem).call([x[None], *bent, *bend, *columns])
+    weighed = np.array([1.0, *(-m for m in solution.multipliers if isinstance(m, float))])
+    return problem.sign * float(weighed @ np.vstack([np.asarray(term) for term in terms]) @ weights)
+
+
+def _vanished(solution: Solution) -> np.ndarray:
+    """The middles, as the pieces were begun, of those that an interior-point method would have made shorter still."""
+    extremal = solution.extremal
+    if extremal is None or not extremal.form.coordinates.corners:
+        return np.zeros(0)
+    begun = np.sort([*extremal.form.conditions.knots, *solution.problem.span])
+    share = np.diff(np.sort(corners(solution))) / np.diff(begun)
+    return 0.5 * (begun[1:] + begun[:-1])[share <= VANISHED * LENGTH_KEPT]
+
+
+def _lasting(solution: Solution, found: list[Crossing]) -> list[Crossing]:
+    """The crossings but those along which no stretch is left: the pieces would be shorter if they could."""
+    middles = _vanished(solution)
+    return [c for c in found if c.until is None or not np.any((middles > c.x) & (middles < c.until))]
+
+
+def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solution) -> list[Crossing]:
+    """The crossings, those of a jump along which the solution runs moved to the side on which ``curve`` runs.
+
+    On the jump itself round-off decides which side's L a curve is held against.
+    """
+    assert solution.curve is not None
+    edges, began = np.sort(corners(solution)), np.array([problem.span[0], *(c.x for c in found), problem.span[1]])
+    if len(edges) != len(began):
+        return found
+    switches, numbers = [switch.argument for switch in on_curve(problem)], problem.unknown_guesses
+    ways = [np.linspace(a, b, PLACES_OF_PIECE) for a, b in pairwise(edges)]
+    along = [arguments_along(problem, solution.curve, way, numbers) for way in ways]
+    middles = arguments_along(problem, curve, 0.5 * (began[1:] + began[:-1]), numbers)
+    moved = list(found)
+    for k, c in enumerate(found):
+        number = next(i for i, argument in enumerate(switches) if argument is c.switch.argument)
+        small = ARGUMENT_ROUND_OFF * max(float(np.abs(piece[number]).max()) for piece in along)
+        for piece in (k, k + 1):
+            if c.switch.jumps and np.abs(along[piece][number] - c.level).max() <= small:
+                jump = round(c.level)
+                away = max(BESIDE_JUMP * small, FURTHER_ASIDE * abs(c.level - jump))
+                moved[k] = replace(c, level=jump + away * float(np.sign(middles[number, piece] - jump)))
+    return moved
+
+
+def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
+    """The least curve that is broken near where ``curve`` meets switches; None where none is found."""
+    if any(_throughout(problem, c) or _chattering(problem, c) for c in found):
+        return None
+    # what is met at an end itself leaves nothing to be broken
+    pieces = [_piece(problem, c) for c in found if c.until is not None or c.x not in problem.span]
+    drawn = any(isinstance(piece, Ride) and piece.drawn(problem) for piece in pieces)
+    kept = drawn or formulate(problem).conditions.pathwise
+    plainly = replace(method, starts=1)
+    if method.optimiser is None and any(isinstance(piece, Ride) for piece in pieces):
+        plainly = replace(plainly, optimiser=Ipopt(iterations=STEPS_ALONG_KINKS))
+    ways = [(False, plainly)] if kept else [(False, plainly), (True, plainly)]  # some of every piece is kept anyway
+    if not kept and any(isinstance(piece, Ride) for piece in pieces):
+        ways.insert(1, (True, replace(plainly, degree=ROUGH_DEGREE, refine=False)))
+    for keeping, way in ways:
+        form = broken_form(problem, [], ordinates_of(curve), None, pieces, keeping=keeping)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            solution = way.solve(form, tol=tol, guess=None)
+        extremal = solution.extremal
+        whole = extremal is None or not extremal.form.coordinates.corners or runs_forwards(extremal)
+        if way.refine < method.refine and not len(_vanished(solution)):
+            continue  # it was asked for no more than which stretches are left
+        if solution.status.ok and whole and np.all(np.diff(solution.x) > 0):
+            return replace(solution, method=method)
+    return None
+
+
+def _throughout(problem: Problem, crossing: Crossing) -> bool:
+    """Whether a curve follows a switch from end to end."""
+    if crossing.until is None:
+        return False
+    first, last = problem.span
+    return crossing.until - crossing.x >= (1 - NEAR_ENDS) * (last - first)
+
+
+def _chattering(problem: Problem, crossing: Crossing) -> bool:
+    """Whether a curve of second order follows a kink of its ordinate, to which it comes by crossings without end.
+
+    One that came to it from one side would come with a momentum that none has that rests there (Fuller's phenomenon;
+    Zelikin and Borisov, "Theory of Chattering Control", 1994, ch. 1).
+    """
+    slopes = ca.vertcat(*problem.symbols.slopes)
+    return problem.order > 1 and crossing.until is not None and not crossing.switch.depends_on(slopes)
+
+
+def _piece(problem: Problem, crossing: Crossing) -> Refraction | Ride:
+    switch, s = crossing.switch, problem.symbols
+    surface = switch.argument - crossing.level
+    if crossing.until is not None:
+        first, last = problem.span
+        near = NEAR_ENDS * (last - first)
+        start = first if crossing.x - first < near else crossing.x
+        return Ride(start, last if last - crossing.until < near else crossing.until, surface)
+    return Refraction(crossing.x, None if switch.depends_on(s.highest) else surface)
