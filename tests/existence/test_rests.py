@@ -1,5 +1,6 @@
 """Curves that friction holds again and again: each rest ends where the momentum is enough to set out."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import casadi as ca
@@ -126,3 +127,96 @@ def test_on_the_side_of_a_hill_the_body_comes_to_rest_as_often():
             lambda s, q: [q[1], float(rate(s)) - hill * q[0]], (a, b), state, "DOP853", rtol=1e-11, atol=1e-13
         )
         assert path.y[0, -1] == pytest.approx(found.curve(np.array([b]), 0)[0, 0], abs=1e-7)
+
+
+STIFF, WEIGHT = 2.0, 1.5
+
+
+def valley():
+    """From both ends down to the kink of STIFF |y|, and a rest there in which the momentum turns."""
+    ends, time = (0.8, 0.5), 6.0
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + MU * ca.fabs(v) + STIFF * ca.fabs(y), vc.Fixed(0, ends[0]), vc.Fixed(time, ends[1])
+    )
+    # v^2/2 = STIFF y on both ways, as the rest is left with no speed
+    return problem, sum(2 / 3 * np.sqrt(2 * STIFF) * y**1.5 + MU * y for y in ends)
+
+
+def ceiling():
+    """A body pushed up against a bound, where it stays: it comes there with no speed."""
+    height, time = 0.7, 4.0
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + MU * ca.fabs(v) - WEIGHT * y,
+        vc.Fixed(0, 0), vc.Free(time), [vc.Bound(lambda x, y, v: y, upper=height)],
+    )  # fmt: skip
+    speed = np.sqrt(2 * WEIGHT * height)
+    below = speed**3 / (3 * WEIGHT**2) + height * (time - speed / WEIGHT)
+    return problem, speed**3 / (6 * WEIGHT) + MU * height - WEIGHT * below
+
+
+def pulled():
+    """A body that rests until its end pulls it up to a bound, which it comes to at the end alone, with some speed."""
+    height, time, pull = 0.3, 1.2, 4.0
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + MU * ca.fabs(v) + WEIGHT * y,
+        vc.Fixed(0, 0), vc.Free(time), [vc.Bound(lambda x, y, v: y, upper=height)],
+        end_cost=lambda x0, y0, x1, y1: -pull * y1,
+    )  # fmt: skip
+    last = np.sqrt(2 * height / WEIGHT)
+    assert last < time
+    assert MU + WEIGHT * last < pull  # it is the bound that holds the end
+    assert abs(MU - WEIGHT * (time - last)) < MU  # and friction that holds the beginning
+    return problem, WEIGHT**2 * last**3 / 3 + (MU - pull) * height
+
+
+def hurried():
+    """A body that friction lets rest between two ways on which it is as fast as it may be."""
+    fastest = 0.6
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + MU * ca.fabs(v) + rate(x) * y,
+        vc.Fixed(0, 0), vc.Free(T), [vc.Bound(lambda x, y, v: v, lower=-fastest, upper=fastest)],
+    )  # fmt: skip
+
+    def gain(x):
+        speed = min(max(abs(momentum(x)) - MU, 0.0), fastest)
+        return speed**2 / 2 - (abs(momentum(x)) - MU) * speed if speed else 0.0
+
+    x = np.linspace(0, T, 4001)
+    excess = np.abs(momentum(x)) - MU
+    turns = [
+        brentq(lambda s, level=level: abs(momentum(s)) - MU - level, x[k], x[k + 1], xtol=1e-14)
+        for level in (0.0, fastest)
+        for k in np.flatnonzero(np.diff(np.sign(excess - level)))
+    ]
+    edges = sorted({0.0, T, *turns})
+    return problem, sum(quad(gain, a, b, epsabs=1e-14)[0] for a, b in pairwise(edges))
+
+
+@pytest.mark.parametrize("case", [valley, ceiling, pulled, hurried])
+def test_a_body_rests_on_kinks_of_the_place_and_at_bounds_as_well(case):
+    problem, exact = case()
+    found = vc.solve(problem)
+    assert abs(found.value - exact) <= 10 * found.error.value + 1e-13
+    assert found.error.value < 1e-9
+    assert not found.local
+
+
+def test_a_well_behind_friction_and_a_bound_is_seen():
+    """The line at rest is a minimum among the curves near it; a ramp to the bound, beyond which a well lies, is less."""
+    well, level = -0.11, -0.24
+
+    def lagrangian(m, y, v):
+        return v**2 / 2 + 0.7 * m.fabs(v) - 9.3 * m.exp(-(((y - well) / 0.096) ** 2)) + 0.38 * m.fabs(y)
+
+    problem = vc.Problem(
+        lambda x, y, v: lagrangian(ca, y, v),
+        vc.Fixed(0, -0.95),
+        vc.Free(1.0),
+        [vc.Bound(lambda x, y, v: y, upper=level)],
+    )
+    found = vc.solve(problem)
+    ramp = (level + 0.95) / 0.4
+    before = quad(lambda x: lagrangian(np, -0.95 + ramp * x, ramp), 0, 0.4)[0]
+    assert found.value < before + 0.6 * lagrangian(np, level, 0.0)
+    assert not found.local
+    assert found.curve(np.linspace(0.5, 1, 9), 0) == pytest.approx(level, abs=1e-9)

@@ -80,3 +80,64 @@ def test_through_the_pole_of_polar_coordinates_no_graph_is_shortest(method):
     distance = vc.Problem(lambda x, y, dy: ca.sqrt(1.5 * y**2 + dy**2), vc.Fixed(0, 0.9), vc.Fixed(1.3, -1.0))
     refused = vc.solve(distance, method, throw=False)
     assert not refused.status.ok
+
+
+HIGHEST, STIFFNESS = 0.9, 4.0
+"""The ordinate from which a graph sets out upright, and k of sqrt(1 + v^2) + k y^2/2."""
+
+
+def of_spring() -> tuple[float, float]:
+    """On which length a spring's curve from the highest ordinate ends level, and its value.
+
+    1/sqrt(1 + v^2) + k y^2/2 keeps its value, k HIGHEST^2/2 where v is infinite and 1 + k y^2/2 where it is 0.
+    """
+    lowest = mpmath.sqrt(HIGHEST**2 - 2 / STIFFNESS)
+
+    def rate(t: Any) -> Any:  # y = lowest + t^2: the slope vanishes there as t does
+        less = STIFFNESS * (2 * lowest + t * t) / 2
+        w = 1 - less * t * t
+        return 2 * w / mpmath.sqrt(less * (1 + w)), lowest + t * t, w
+
+    top = mpmath.sqrt(HIGHEST - lowest)
+    length = mpmath.quad(lambda t: rate(t)[0], [0, top])
+    # sqrt(1 + v^2) dx is dy/sqrt(1 - w^2)
+    value = mpmath.quad(lambda t: rate(t)[0] * (1 / rate(t)[2] + STIFFNESS * rate(t)[1] ** 2 / 2), [0, top])
+    return float(length), float(value)
+
+
+CONDITIONS = [
+    pytest.param([], 0.0, id="free"),
+    pytest.param([vc.Bound(lambda x, y, v: y, lower=0.0)], 0.0, id="slack bound"),
+    pytest.param([], 1.0, id="kink beyond the curve"),
+    pytest.param([vc.Bound(lambda x, y, v: y, lower=0.0)], 1.0, id="both"),
+]
+
+
+@pytest.mark.parametrize(("conditions", "kink"), CONDITIONS)
+@pytest.mark.parametrize("above", [0.3, 0.1])
+def test_a_spring_that_starts_too_high_falls_upright(conditions: list[vc.Bound], kink: float, above: float) -> None:
+    length, value = of_spring()
+
+    def spring(x: Any, y: Any, v: Any) -> Any:
+        return ca.sqrt(1 + v**2) + STIFFNESS * y**2 / 2 + kink * ca.fabs(ca.fmin(y, 0))
+
+    problem = vc.Problem(spring, vc.Fixed(0, HIGHEST + above), vc.Free(length), conditions)
+    found = vc.solve(problem, throw=False)
+    assert found.verdict is vc.Verdict.NOT_ATTAINED
+    # what stands upright costs its height
+    limit = float(found.message.split("tend to ")[1].split(",")[0])
+    assert limit == pytest.approx(value + above, abs=2e-4)
+
+
+@pytest.mark.parametrize("conditions", [[], [vc.Bound(lambda x, y, v: y, lower=0.0)]], ids=["free", "slack bound"])
+@pytest.mark.parametrize("slope", [2.0, 50.0])
+def test_a_spring_that_starts_lower_has_a_minimum(conditions: list[vc.Bound], slope: float) -> None:
+    start = math.sqrt(HIGHEST**2 - 2 / STIFFNESS / math.sqrt(1 + slope**2))
+    problem = vc.Problem(
+        lambda x, y, v: ca.sqrt(1 + v**2) + STIFFNESS * y**2 / 2,
+        vc.Fixed(0, start),
+        vc.Free(of_spring()[0]),
+        conditions,
+    )
+    found = vc.solve(problem, throw=False)
+    assert found.status.ok

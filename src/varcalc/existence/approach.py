@@ -17,14 +17,18 @@ import numpy as np
 
 from varcalc.existence.broken_curve import between_two_points
 from varcalc.formulation import Coordinates, Form, Sampled, Stated, extended, formulate, rewriter, straight
+from varcalc.methods.answer import Extremal
 from varcalc.methods.ritz.method import Rung, Rungs
 from varcalc.methods.ritz.newton import Newton
+from varcalc.methods.ritz.slack import within_bounds, without_inequalities
+from varcalc.problem.conditions import Bound
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Verdict
 from varcalc.symbolic.derived import Cache
 
-POLYGON_PIECES = (16, 32, 64, 128)
+POLYGON_PIECES, MORE_PIECES = (16, 32, 64, 128), (256, 512, 1024)
+"""Pieces of the polygons, and of those that tell a jump from a layer that is only thin."""
 STEEPENING = 1.7
 """Growth of the steepest slope at each halving of the mesh that is concentration (2 for a jump)."""
 SINGULAR_POWERS = (2, 3, 4, 5, 6)
@@ -45,6 +49,7 @@ class MinimisingSequence:
     steepest: np.ndarray
     where: float
     maximise: bool
+    last: Extremal = field(repr=False)
 
     @property
     def limit(self) -> float:
@@ -62,7 +67,9 @@ class MinimisingSequence:
     @property
     def finding(self) -> Finding:
         """What the meshes show where the sequence concentrates."""
-        table = ", ".join(f"{v:.6g} on {n}" for n, v in zip(self.elements, self.values, strict=True))
+        last = slice(-len(POLYGON_PIECES), None)
+        told = zip(self.elements[last], self.values[last], strict=True)
+        table = ", ".join(f"{v:.6g} on {n}" for n, v in told)
         sentence = (
             f"the infimum is not attained: the least values over polygons, {table} pieces, tend to "
             f"{self.limit:.6g}, while the slope at x = {self.where:.4g} grows to {self.steepest[-1]:.3g} without bound"
@@ -72,27 +79,49 @@ class MinimisingSequence:
         return Finding(Verdict.NOT_ATTAINED, sentence, numbers)
 
 
-def approached(problem: Functional) -> MinimisingSequence | None:
+def approached(problem: Functional, *, closely: bool = False) -> MinimisingSequence | None:
     """Minima over polygons on finer and finer meshes; None where a mesh has none.
 
-    Only graphs of first order without constraints are looked at.
+    The meshes go on, if they are to be looked at ``closely``, while the slope grows.
+
+    Only graphs of first order without conditions are looked at, and those that keep their bounds without being asked.
     """
-    if not (isinstance(problem, Problem) and problem.order == 1) or problem.constraints:
+    if not (isinstance(problem, Problem) and problem.order == 1):
         return None
-    form = formulate(problem)
-    rows = []
-    where = math.nan
-    for elements in POLYGON_PIECES:
+    if not all(isinstance(c, Bound) and c.interval[0] < c.interval[1] for c in problem.constraints):
+        return None
+    form = without_inequalities(formulate(problem))
+    rows: list[tuple[int, float, float]] = []
+    where, last = math.nan, None
+    for elements in (*POLYGON_PIECES, *(MORE_PIECES if closely else ())):
+        if elements in MORE_PIECES and not rows[-1][-1] > STEEPENING * rows[-2][-1]:
+            break
         rungs = Rungs(form, Newton(), 12)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            rung = rungs.start(rungs.first_space(elements, 1), None)
+            # what stands upright may be shared out among neighbours in many ways
+            rung = rungs.start(rungs.first_space(elements, 1), None if last is None else _ordinates(last))
         if isinstance(rung, str):
             return None
         slopes, middles = _slopes(rung)
         rows.append((elements, form.sign * rung.value, slopes.max()))
-        where = float(middles[np.argmax(slopes)])
+        where, last = float(middles[np.argmax(slopes)]), _extremal(form, rung)
+    assert last is not None
+    if not within_bounds(formulate(problem), last):
+        return None
     elements, values, steepest = np.array(rows).T
-    return MinimisingSequence(elements.astype(int), values, steepest, where, problem.maximise)
+    return MinimisingSequence(elements.astype(int), values, steepest, where, problem.maximise, last)
+
+
+def _ordinates(curve: Extremal) -> Sampled:
+    return lambda x: curve.evaluate(x, 0)
+
+
+def _extremal(form: Form, rung: Rung) -> Extremal:
+    """The polygon of a mesh."""
+    space = rung.system.space
+    curve = space.curve(rung.system.coefficients(rung.z))
+    numbers = rung.system.unknowns(rung.z)
+    return Extremal(form, curve, numbers, space.vertices, np.zeros(0), {})
 
 
 def _slopes(rung: Rung) -> tuple[np.ndarray, np.ndarray]:

@@ -62,10 +62,7 @@ class MovableStep:
         """The least curve that has the height of the step at a place."""
         problem, curve = self.problem, self.solution.curve
         assert curve is not None
-        pinned = Problem(
-            problem.lagrangian, problem.start, problem.end, [Through(place, self.height)],
-            parameters=problem.parameters, maximise=problem.maximise, name=problem.name,
-        )  # fmt: skip
+        pinned = problem.restated(constraints=[Through(place, self.height)])
         (a, b), moved = problem.span, [self.place, place]
         start: Sampled = lambda x: curve(np.clip(np.asarray(x) + moved[0] - moved[1], a, b), 0)  # noqa: E731
         form = formulate(pinned)

@@ -87,8 +87,4 @@ def _places(problem: Problem, argument: Expression, ordinate: Expression, end: i
 def _pinned(problem: Problem, end: int, ordinate: float) -> Problem:
     """The problem with the ordinate of one end given."""
     given = Fixed(problem.span[end], ordinate)
-    start, last = (given, problem.end) if end == 0 else (problem.start, given)
-    return Problem(
-        problem.lagrangian, start, last, problem.constraints, parameters=problem.parameters, unknowns=problem.unknowns,
-        end_cost=problem.end_cost, maximise=problem.maximise, breakpoints=problem.breakpoints, name=problem.name,
-    )  # fmt: skip
+    return problem.restated(start=given) if end == 0 else problem.restated(end=given)

@@ -8,7 +8,7 @@ is seen by following all momenta at once: an interval that must not become empty
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -40,6 +40,8 @@ TRIED_PLACES = 41
 OTHER_SLOPES = np.concatenate([-np.geomspace(1e4, 1e-4, 33), np.geomspace(1e-4, 1e4, 33)])
 """Slopes, beside the curve's own and in units of what the functional feels, that are held against its own."""
 STEPS_ONTO_KINK = 8
+NOT_PRESSED = np.zeros((2, 2))
+"""Of a curve that no bound holds."""
 FOLLOWED_TOLERANCE, ORDINATE_ROUND_OFF = 1e-13, 1e-15
 
 
@@ -72,7 +74,7 @@ def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Cr
         )
         if along is None or not _between_ends(problem, along):
             continue
-        momentum = _momentum(problem, along)
+        momentum = held_momentum(problem, along, np.linspace(*problem.span, MOMENTUM_STEPS))
         if momentum is None:
             continue
         free = momentum.free if moving else momentum.rates_free
@@ -134,11 +136,17 @@ def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
     return resampled(lambda x, k: slopes(x, path.sol(x)) if k else path.sol(x), span, 2)
 
 
-def _momentum(problem: Problem, along: Curve) -> HeldMomentum | None:
-    """Momenta between L_y' on both sides of the kink whose rates are between L_y on both; None where there are none."""
-    x = np.linspace(*problem.span, MOMENTUM_STEPS)
+def held_momentum(
+    problem: Problem, along: Curve, x: np.ndarray, ends: Sequence[float | None] = (None, None),
+    pressed: np.ndarray = NOT_PRESSED,
+) -> HeldMomentum | None:  # fmt: skip
+    """Momenta between L_y' on both sides of the kink whose rates are between L_y on both; None where there are none.
+
+    At the ``ends`` of x (m,) they are what is given. By how much rates, and momenta, may be less and more where bounds
+    hold the curve says ``pressed`` (2, 2).
+    """
     y, slope = along(x, 0), along(x, 1)
-    aside = _beside(problem, x)
+    aside = _beside(problem)
     sides = (
         np.array(
             [
@@ -157,9 +165,17 @@ def _momentum(problem: Problem, along: Curve) -> HeldMomentum | None:
     boxed = np.abs(np.diff(rates, axis=1)).max() <= room[0] and np.abs(np.diff(momenta, axis=0)).max() <= room[1]
     if not (np.isfinite(sides).all() and boxed):
         return None
-    width = np.diff(x)
-    lows, highs = momenta.min(axis=(0, 1)), momenta.max(axis=(0, 1))
-    slowest, fastest = (0.5 * (r[1:] + r[:-1]) * width for r in (rates.min(axis=(0, 1)), rates.max(axis=(0, 1))))
+    width, away = np.diff(x), pressed * np.array([-1.0, 1.0])
+    lows, highs = momenta.min(axis=(0, 1)) + away[1, 0], momenta.max(axis=(0, 1)) + away[1, 1]
+    for k, end in zip((0, -1), ends, strict=True):
+        # where a bound presses, it may press with a force at the end
+        if end is not None and not pressed[0].any() and not lows[k] - room[1] <= end <= highs[k] + room[1]:
+            return None
+        lows[k], highs[k] = (lows[k], highs[k]) if end is None else (end, end)
+    slowest, fastest = (
+        0.5 * (r[1:] + r[:-1]) * width + free
+        for r, free in zip((rates.min(axis=(0, 1)), rates.max(axis=(0, 1))), away[0], strict=True)
+    )
     for k in range(len(width)):  # forward those that can be come to, in place
         lows[k + 1] = max(lows[k] + slowest[k], lows[k + 1])
         highs[k + 1] = min(highs[k] + fastest[k], highs[k + 1])
@@ -213,7 +229,7 @@ def _sensitivities(problem: Problem, along: Curve, x: np.ndarray, weights: np.nd
     s = problem.symbols
     rate = ca.Function("rate", s.all, [ca.densify(ca.gradient(problem.integrand, s.parameters))])
     y, slope = along(x, 0), along(x, 1)
-    y_aside, slope_aside = _beside(problem, x)
+    y_aside, slope_aside = _beside(problem)
     numbers = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, problem.unknown_guesses)]
     blank = np.zeros((s.ddy.numel(), len(x)))
     rates = np.array(
@@ -228,7 +244,7 @@ def _sensitivities(problem: Problem, along: Curve, x: np.ndarray, weights: np.nd
     return dict(zip(problem.parameters, values.tolist(), strict=True))
 
 
-def _beside(problem: Problem, x: np.ndarray) -> np.ndarray:
+def _beside(problem: Problem) -> np.ndarray:
     """How far beside a kink its sides are looked at, in the ordinate and in the slope."""
     unit = height(formulate(problem))
-    return BESIDE_KINK * np.array([unit, unit / (x[-1] - x[0])])
+    return BESIDE_KINK * np.array([unit, unit / (problem.span[1] - problem.span[0])])

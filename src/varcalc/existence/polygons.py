@@ -428,8 +428,9 @@ class PolygonLattice(Lattice):
         growing = np.exp(far / (FAR * (FAR - 1) / 2) * np.arange(FAR))
         side = np.concatenate([unit * NEAR, last * np.cumprod(OUTWARD * growing)])
         departures = np.concatenate([-side[::-1], [0.0], side])
-        own = np.full(len(x), len(side))
-        super().__init__(landscape, x, c[:, None] + departures, own, float(side[-1]), extent / (b - a))
+        beside = _edges(landscape, x, c, c + side[-1] * np.array([[-1.0], [1.0]]))
+        nodes, own = _in_order(c, beside, c[:, None] + departures[departures != 0.0])
+        super().__init__(landscape, x, nodes, own, float(side[-1]), extent / (b - a))
 
 
 def _unit(landscape: Landscape, x: np.ndarray, c: np.ndarray, extent: float) -> float:
@@ -462,17 +463,22 @@ def across_the_landscape(landscape: LandscapeWithUnit, ordinates: Callable[[np.n
     room = LEVEL_MARGIN * (high - low)
     levels = np.linspace(low - room, high + room, LEVELS)
     levels = np.union1d(levels, _rests(landscape, x, levels))
-    beside = _edges(landscape, x, c, (levels[0], levels[-1]))
-    nodes = np.column_stack([c, *beside, np.broadcast_to(levels, (len(x), len(levels)))])
-    order = np.argsort(nodes, axis=1, kind="stable")
-    nodes, own = np.take_along_axis(nodes, order, 1), np.argmin(order, axis=1)
+    beside = _edges(landscape, x, c, levels[[0, -1], None] + np.zeros(len(x)))
+    nodes, own = _in_order(c, beside, np.broadcast_to(levels, (len(x), len(levels))))
     return Lattice(landscape, x, nodes, own, float(high - low), extent / float(np.ptp(x)))
 
 
-def _edges(landscape: Landscape, x: np.ndarray, c: np.ndarray, ends: tuple[float, float]) -> list[np.ndarray]:
+def _in_order(c: np.ndarray, beside: list[np.ndarray], levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The nodes (m, J) of a lattice, ordered, and the numbers (m,) of those on the curve with ordinates c (m,)."""
+    nodes = np.column_stack([c, *beside, levels])
+    order = np.argsort(nodes, axis=1, kind="stable")
+    return np.take_along_axis(nodes, order, 1), np.argmin(order, axis=1)
+
+
+def _edges(landscape: Landscape, x: np.ndarray, c: np.ndarray, ends: np.ndarray) -> list[np.ndarray]:
     """The ordinates (m,) nearest the curve's, on either side of it, beyond which no curve may go; none, none.
 
-    Where there is none at an abscissa it is the end of the levels.
+    Where there is none at an abscissa it is the one where that side's levels end, of ``ends`` (2, m).
     """
     found, rows = [], np.arange(len(c))
     for end in ends:

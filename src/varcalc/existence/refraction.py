@@ -21,6 +21,7 @@ from varcalc.existence.held_throughout import Curve, held_throughout
 from varcalc.existence.in_pieces import FOLLOWED_TO, alike, breaking, corners, settled
 from varcalc.existence.rests import with_rests
 from varcalc.existence.rounded import Rounded, ordinates_of, points_along, rounded, sizes_at
+from varcalc.existence.upright import not_attained
 from varcalc.formulation import Sampled, formulate
 from varcalc.methods.crossings import (
     ARGUMENT_ROUND_OFF,
@@ -35,12 +36,12 @@ from varcalc.methods.crossings import (
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, crowded, singular_inside
-from varcalc.problem.conditions import Bound, Constraint
+from varcalc.problem.conditions import Bound
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.problem.reading import names, text
-from varcalc.solution import Solution, Status, no_answer
+from varcalc.solution import Solution, Status, Verdict, no_answer
 
 FOLLOWED = (4.0, 40.0, 400.0)
 """What is as small as so many widths is followed rather than crossed, where that leads to a curve that stands."""
@@ -86,7 +87,12 @@ def refracted(
 def _broken_near(
     problem: Problem, method: Ritz, tol: float, guess: Sampled | None, about: Rounded
 ) -> tuple[Solution | None, list[Crossing]]:
-    """The least curve that meets switches as a rounded one does, or None; and the switches that one meets."""
+    """The least curve that meets switches as a rounded one does, or None; and the switches that one meets.
+
+    The refusal where no curve attains the infimum, as a rounded one that is no minimum may tell.
+    """
+    if not about.stands and (none := not_attained(problem, method)) is not None:
+        return none, []
     nodes = np.linspace(*problem.span, NODES)
     met: list[Crossing] = []
     ridden = False
@@ -200,26 +206,19 @@ def _small_half_way(problem: Problem, curve: Curve, sizes: np.ndarray) -> list[f
 
 
 def _clear_of_bounds(problem: Problem, method: Ritz, tol: float, guess: Sampled | None) -> Solution | None:
-    """The minimum that would be one without bounds, where it keeps them; None where it does not."""
+    """The minimum that would be one without bounds, where it keeps them, or the refusal that there is none; or None."""
     others = [c for c in problem.constraints if not isinstance(c, Bound) or c.interval[0] == c.interval[1]]
     if len(others) == len(problem.constraints):
         return None
-    bare = _under(problem, others)
+    bare = problem.restated(constraints=others)
     about = rounded(bare, guess)
     free = None if about is None else _broken_near(bare, method, tol, guess, about)[0]
+    if free is not None and free.verdict is Verdict.NOT_ATTAINED:
+        return not_attained(problem, method)
     if free is None or free.curve is None or not free.status.ok:
         return None
     met = breaking(problem, met_by(replace(free, problem=problem), FOLLOWED_TO))
     return settled(problem, method, tol, free.curve, met) if met else None
-
-
-def _under(problem: Problem, constraints: Sequence[Constraint]) -> Problem:
-    """The problem under other conditions."""
-    return Problem(
-        problem.lagrangian, problem.start, problem.end, constraints, parameters=problem.parameters,
-        unknowns=problem.unknowns, end_cost=problem.end_cost, maximise=problem.maximise,
-        breakpoints=problem.breakpoints, order=problem.order,
-    )  # fmt: skip
 
 
 def _none_stands(problem: Problem, method: Ritz, met: list[Crossing]) -> Solution:
@@ -241,6 +240,9 @@ def _least(
             held = held_throughout(problem, method, curve, found)
         if held is not None and as_held(problem, held):
             return held
+    # what turns where friction holds it comes to rest
+    turning = any(c.switch.depends_on(problem.symbols.highest) for c in found)
+    if riding or turning or (found and any(problem.of_type(Bound))):
         resting = with_rests(problem, method, tol, curve, found)
         if resting is not None and as_held(problem, resting):
             return resting

@@ -1,50 +1,56 @@
-"""Curves that rest on a kink of the slope, set out, and rest again, as where friction holds: when each rest ends.
+"""Curves that rest again and again: on kinks of the slope, as where friction holds, on kinks of the place, at bounds.
 
 Along a rest the slope is known, and the functional hardly says where the rest ends: an end that is moved changes it by
 the third power of the way. That the curve sets out smoothly says it, so that the ends are roots
-(:mod:`varcalc.methods.ritz.steepest`). In between L is smooth, on the side on which the curve moves. The momentum
-stays between those of both sides (Euler and Lagrange's inclusion; Clarke, "Optimization and Nonsmooth Analysis", 1983,
-sect. 4.4).
+(:mod:`varcalc.methods.ritz.steepest`), and so are the places where a kink is gone through. In between L is smooth, on
+the sides on which the curve moves. That it is an extremal is seen at last (Euler and Lagrange's inclusion; Clarke,
+"Optimization and Nonsmooth Analysis", 1983, sect. 4.4).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from varcalc.existence.directions import CurveOrSlope
-from varcalc.existence.in_pieces import NEAR_ENDS
+from varcalc.existence.held_throughout import held_momentum
+from varcalc.existence.in_pieces import NEAR_ENDS, STEPS_ALONG_KINKS
 from varcalc.formulation import Contact, Form, Stated, formulate
 from varcalc.formulation.form import SideCondition
-from varcalc.methods.crossings import Crossing, arguments_along
+from varcalc.methods.crossings import Crossing
+from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
-from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
 from varcalc.problem.breaks import on_curve
+from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import Cache
-from varcalc.symbolic.switches import Switch, held
+from varcalc.symbolic.switches import held
+from varcalc.symbolic.tracing import Expression
 
-PLACES_OF_WAY = 33
-"""Places of a way on which a curve moves, or of a rest, that are looked at."""
+PLACES_OF_WAY = 65
+"""Places of a way on which a curve moves that are looked at."""
+PLACES_FOR_BOUNDS = 513
+"""Places of a curve at which it is seen whether it is at a bound."""
+AT_BOUND = 1e-3, 1e-2
+"""How near it is then, in units of the range along the curve: to one of the place, of the slope."""
 STRAYING = 1e-6
-"""Part of the largest argument on a way by which it may lie on the other side of the kink."""
-POINTS_OF_REST = 8
-"""Gauss points between two of those of a rest."""
+"""Part of the largest argument on a way by which it may lie on the other side of a kink, or beyond a bound."""
+ROUNDS_OF_RESTS = 6
+"""Times that it is begun anew where rests have vanished, or where others are seen."""
+PLACES_OF_REST = 1001
+"""Places of a rest between which the momentum is followed."""
+INWARDS = 1e-9
+"""Distance from the ends of a rest, in units of its length, of the first and the last place of it."""
 ASIDE = 1e-7
 """Slope, in units of 1 and the curve's, at which the momenta on the sides of a kink are taken."""
-MOMENTUM_ROOM = 1e-6
-"""Part of the largest momentum by which one may lie beyond those of both sides: what they are known to."""
-RESTED = 0
-"""The number of the condition that a rest asks for: of a problem that asks for no others."""
-ROUNDS_OF_RESTS = 4
-"""Times that it is begun anew where rests have vanished."""
 Way = tuple[float, float]
 """Between which abscissae a curve moves."""
 
@@ -52,164 +58,281 @@ Way = tuple[float, float]
 def with_rests(
     problem: Problem, method: Ritz, tol: float, curve: CurveOrSlope, found: Sequence[Crossing]
 ) -> Solution | None:
-    """The minimum that rests, nearly, where a ``curve`` follows one kink of the slope; None where none counts."""
-    if not _treated(problem, found):
+    """The minimum that rests and crosses as a ``curve`` does, nearly; None where none counts."""
+    if not _treated(problem):
         return None
-    form, kink, guess = formulate(problem), _Kink(problem, found[0].switch), curve
-    contacts = kink.contacts(guess, found)
+    form, surfaces, guess, way = formulate(problem), _Surfaces(problem), curve, method
+    if method.optimiser is None:
+        way = replace(method, optimiser=Ipopt(iterations=STEPS_ALONG_KINKS))
+    contacts = _apart(surfaces, surfaces.contacts(guess, found))
     for _ in range(ROUNDS_OF_RESTS):
-        ways = _ways(problem, contacts)
-        if not ways or any(a.end >= b.start for a, b in pairwise(contacts)):
+        ways = None if contacts is None else _ways(problem, contacts)
+        if contacts is None or not ways:
             return None
-        # a curve that strays across the kink does not say on which side it should be
-        sides = [kink.strongest(guess, way) for way in ways]
-        led = method.at_contacts(_moving(form, kink, guess, contacts, sides), contacts, curve, tol)
-        if led is None or (following := led[0].curve) is None:
+        # a curve that strays across a kink does not say on which side it should be
+        places = [surfaces.clearest(guess, way) for way in ways]
+        sides = [np.sign(surfaces.values(guess, np.array([x]))[:, 0]) for x in places]
+        pieces = [surfaces.held(guess, x) for x in places]
+        led = way.at_contacts(partial(_moving, form, surfaces, pieces), contacts, curve, tol)
+        if led is None or led[0].curve is None:
             return None
-        (solution, kept), curve = led, following
-        missed = kink.missed(curve, kept, [side for _, side in sides]) if len(kept) == len(contacts) else []
-        if len(kept) == len(contacts) and not missed:
-            held_back = kink.holds(curve, kept, [side for _, side in sides])
+        solution, kept = led
+        curve, same = led[0].curve, len(kept) == len(contacts) and len(_ways(problem, kept)) == len(ways)
+        following = list(surfaces.following(curve, kept, sides)) if same else kept
+        if same and following == kept:
+            if not all(surfaces.holds(curve, c, _beside(problem, kept, c, pieces)) for c in kept):
+                return None
             own = resampled(curve, solution.x, 2)
-            return replace(solution, method=method, curve=own, extremal=None) if held_back else None
-        contacts = sorted([*kept, *missed], key=lambda c: c.start)
+            return replace(solution, method=method, curve=own, extremal=None)
+        contacts = _apart(surfaces, following)
     return None
 
 
-def _treated(problem: Problem, found: Sequence[Crossing]) -> bool:
-    """Whether a graph of one function meets nothing but one kink of its slope, under no condition."""
-    plain = problem.n == problem.order == 1 and not (problem.constraints or problem.unknowns)
-    if not (plain and found) or formulate(problem).stated.is_lifted:
+def _treated(problem: Problem) -> bool:
+    """Whether a graph of one function is under nothing but bounds."""
+    if not (problem.n == problem.order == 1) or problem.unknowns or formulate(problem).stated.is_lifted:
         return False
-    switch = found[0].switch
-    return all(c.switch is switch for c in found) and switch.depends_on(problem.symbols.dy)
+    return all(isinstance(c, Bound) and c.interval[0] < c.interval[1] for c in problem.constraints)
 
 
 def _ways(problem: Problem, contacts: Sequence[Contact]) -> list[Way]:
-    """The ways before, between and after rests, those at the ends where there are any."""
+    """The ways before, between and after contacts, those at the ends where there are any."""
     edges = [problem.span[0], *(e for c in contacts for e in (c.start, c.end)), problem.span[1]]
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if a < b]
 
 
-def _moving(
-    form: Form, kink: _Kink, curve: CurveOrSlope, contacts: Sequence[Contact], sides: Sequence[tuple[float, float]]
-) -> Form:
-    """The form with L on each way as it is on its side, which changes half way along rests, and the kink to rest on."""
-    problem = kink.problem
+def _apart(surfaces: _Surfaces, contacts: Sequence[Contact]) -> list[Contact] | None:
+    """The contacts, those that overlap as one; None where they cannot be.
+
+    What is at rest where it meets a surface of the place is at rest on that. What is as steep as it may be comes to
+    rest by and by.
+    """
+    (a, b), merged = surfaces.problem.span, list[Contact]()
+    near = NEAR_ENDS * (b - a)
+    for contact in sorted(contacts, key=lambda c: (c.start, c.end)):
+        start, end = (a if contact.start - a < near else contact.start), (b if b - contact.end < near else contact.end)
+        here = replace(contact, start=start, end=end)
+        if start == end and start in (a, b) and not surfaces.ends_at(contact):
+            continue
+        last = merged[-1] if merged else None
+        if last is None or last.end < start:
+            merged.append(here)
+            continue
+        steep = [surfaces.steep(c) for c in (last, here)]
+        whole = last.start, max(last.end, end)
+        if last.index == here.index and last.level == here.level and last.start < last.end and start < end:
+            merged[-1] = replace(last, end=whole[1])
+        elif steep[0] != steep[1]:
+            merged[-1] = replace(here if steep[0] else last, start=whole[0], end=whole[1])
+        elif all(steep) and last.end - near > last.start and start + near < end:
+            merged[-1] = replace(last, end=start - near)
+            merged.append(replace(here, start=last.end + near))
+        else:
+            return None
+    return merged if all(c.end < d.start for c, d in pairwise(merged)) else None
+
+
+def _beside(
+    problem: Problem, contacts: Sequence[Contact], contact: Contact, pieces: Sequence[Expression]
+) -> tuple[Expression | None, Expression | None]:
+    """L on the ways before a contact and after it; None for an end of the interval."""
+    ways = _ways(problem, contacts)
+    before = next((p for way, p in zip(ways, pieces, strict=True) if way[1] == contact.start), None)
+    after = next((p for way, p in zip(ways, pieces, strict=True) if way[0] == contact.end), None)
+    return before, after
+
+
+def _moving(form: Form, surfaces: _Surfaces, pieces: Sequence[Expression], contacts: Sequence[Contact]) -> Form | None:
+    """The form with L on each way one of ``pieces``, which changes half way along contacts, and the surfaces.
+
+    None where there are not as many ways.
+    """
+    if len(_ways(surfaces.problem, contacts)) != len(pieces):
+        return None
+    problem = surfaces.problem
     s, (first, last) = problem.symbols, problem.span
-    pieces = [held([problem.integrand], s.all, kink.point(curve, x))[0] for x, _ in sides]
     middles = [0.5 * (c.start + c.end) for c in contacts if c.start > first and c.end < last]
     integrand = pieces[0]
     for middle, piece in zip(middles, pieces[1:], strict=True):
         integrand = ca.if_else(s.x < middle, integrand, piece)
     integrand = problem.sign * integrand
     coordinates = replace(form.coordinates, stated=Stated(s, integrand, integrand), numbers=None)
-    followed = SideCondition(kink.switch.argument, -math.inf, math.inf, RESTED)
-    conditions = replace(form.conditions, pathwise=(followed,))
+    conditions = replace(form.conditions, pathwise=surfaces.conditions)
     return replace(form, coordinates=coordinates, conditions=conditions, cache=Cache(), elsewhere=None)
 
 
-class _Kink:
-    """A kink of the slope, on whose sides a curve moves and on which it rests."""
+class _Surfaces:
+    """The kinks that a curve may meet, and the bounds it may touch, with the numbers that contacts have for them."""
 
-    def __init__(self, problem: Problem, switch: Switch) -> None:
-        self.problem, self.switch = problem, switch
-        s, argument = problem.symbols, switch.argument
-        rate = ca.gradient(argument, s.dy)
-        self._onto = ca.Function("onto", s.all, [ca.densify(s.dy - argument / rate), ca.densify(rate)])
-        self._number = next(k for k, other in enumerate(on_curve(problem)) if other is switch)
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        s, bounds = problem.symbols, formulate(problem).conditions.pathwise
+        self.switches = [switch for switch in on_curve(problem) if not switch.smooth]
+        first = len(problem.constraints)
+        kinks = [
+            SideCondition(switch.argument - switch.levels[0], -math.inf, math.inf, first + k)
+            for k, switch in enumerate(self.switches)
+        ]
+        self.conditions: tuple[SideCondition, ...] = (*kinks, *bounds)
+        arguments = ca.vertcat(*(c.expression for c in self.conditions))
+        self._values = ca.Function("surfaces", s.all, [ca.densify(arguments)])
+        self._steep = {c.index: bool(ca.depends_on(c.expression, s.dy)) for c in self.conditions}
 
-    def arguments(self, curve: CurveOrSlope, x: np.ndarray) -> np.ndarray:
-        """What switches at x (m,) of a curve."""
-        return arguments_along(self.problem, curve, x, self.problem.unknown_guesses)[self._number]
+    def steep(self, contact: Contact) -> bool:
+        """Whether what is met feels the slope."""
+        return self._steep[contact.index]
 
-    def contacts(self, curve: CurveOrSlope, found: Sequence[Crossing]) -> list[Contact]:
-        """The rests where a curve follows the kink, or goes through it: then as long as the momentum takes to.
+    def ends_at(self, contact: Contact) -> bool:
+        """Whether a contact is that of a free end with a bound of the place."""
+        problem, free = self.problem, [not end.fixed for end in (self.problem.start, self.problem.end)]
+        at_free = any(f and contact.start == contact.end == x for f, x in zip(free, problem.span, strict=True))
+        return at_free and contact.index < len(problem.constraints) and not self.steep(contact)
 
-        What begins or ends beside an end of the interval does so there.
-        """
-        (a, b), (size, rests) = self.problem.span, (np.ptp(self.problem.span), list[Contact]())
-        for c in found:
-            half = 0.5 * self._time_across(curve, c.x) if c.until is None else 0.0
-            start, end = c.x - half, c.x + half if c.until is None else c.until
-            start = max(start, rests[-1].end + NEAR_ENDS * size if rests else a)
-            start, end = a if start - a < NEAR_ENDS * size else start, b if b - end < NEAR_ENDS * size else end
-            rests += [Contact(RESTED, c.level, float(start), float(end))] if start < end else []
-        return rests
+    def condition(self, contact: Contact) -> SideCondition:
+        """What a contact is with."""
+        return next(c for c in self.conditions if c.index == contact.index)
 
-    def _time_across(self, curve: CurveOrSlope, x: float) -> float:
-        """How long it takes the momentum to go from that of one side of the kink to that of the other."""
-        momenta = [self._momentum(curve, x, side) for side in (-1.0, 1.0)]
-        rate = abs(float(self._gradient(curve, np.array([x]), 0.0)[0, 0]))
-        return abs(momenta[1] - momenta[0]) / rate if rate > 0 else 0.0
-
-    def strongest(self, curve: CurveOrSlope, way: Way) -> tuple[float, float]:
-        """The place of a way that is farthest from the kink, and the side on which it is."""
-        x = np.linspace(*way, PLACES_OF_WAY)[1:-1]
-        values = self.arguments(curve, x)
-        k = int(np.argmax(np.abs(values)))
-        return float(x[k]), float(np.sign(values[k]))
+    def values(self, curve: CurveOrSlope, x: np.ndarray) -> np.ndarray:
+        """What says on which side of each surface a curve is, at x (m,): (surfaces, m)."""
+        columns = np.tile(self.problem.parameter_values[:, None], (1, len(x)))
+        none = np.zeros((0, len(x)))
+        return np.asarray(self._values(x[None], curve(x, 0), curve(x, 1), none, columns, none))
 
     def point(self, curve: CurveOrSlope, x: float) -> list[np.ndarray]:
         """The arguments of the problem's expressions at one place of a curve."""
         at, problem = np.array([x]), self.problem
         return [at, curve(at, 0)[:, 0], curve(at, 1)[:, 0], np.zeros(0), problem.parameter_values, np.zeros(0)]
 
-    def missed(self, curve: CurveOrSlope, contacts: Sequence[Contact], sides: Sequence[float]) -> list[Contact]:
-        """Rests where a curve is on the other side of the kink on its way."""
-        found = []
-        for (start, end), side in zip(_ways(self.problem, contacts), sides, strict=True):
-            x = np.linspace(start, end, PLACES_OF_WAY)
-            values = side * self.arguments(curve, x)
-            strays = np.flatnonzero(values < -STRAYING * np.abs(values).max())
-            for run in np.split(strays, 1 + np.flatnonzero(np.diff(strays) > 1)) if len(strays) else ():
-                first, last = x[max(run[0] - 1, 0)], x[min(run[-1] + 1, len(x) - 1)]
-                # beside a rest that rest is longer
-                if not any(first == c.end or last == c.start for c in contacts):
-                    found.append(Contact(RESTED, 0.0, float(first), float(last)))
-        return found
+    def held(self, curve: CurveOrSlope, x: float) -> Expression:
+        """L on the sides of the kinks on which a curve is at x; what switches at abscissae does so."""
+        s = self.problem.symbols
+        return held([self.problem.integrand], s.all, self.point(curve, x), ca.vertcat(s.y, s.dy))[0]
 
-    def holds(self, curve: CurveOrSlope, contacts: Sequence[Contact], sides: Sequence[float]) -> bool:
-        """Whether a curve moves on its side of the kink on each way, and is held along each rest."""
-        ways = _ways(self.problem, contacts)
-        if len(ways) != len(sides):
-            return False
-        for way, side in zip(ways, sides, strict=True):
-            values = side * self.arguments(curve, np.linspace(*way, PLACES_OF_WAY))
-            if values.min() < -STRAYING * np.abs(values).max():
-                return False
-        return all(self._rests(curve, c, ways, sides) for c in contacts)
+    def clearest(self, curve: CurveOrSlope, way: Way) -> float:
+        """The place of a way at which it is clearest on which side of each kink the curve is."""
+        x = np.linspace(*way, PLACES_OF_WAY)[1:-1]
+        values = np.abs(self.values(curve, x)[: len(self.switches)])
+        return float(x[np.argmax((values / np.maximum(values.max(1, keepdims=True), 1e-300)).min(0))])
 
-    def _rests(self, curve: CurveOrSlope, rest: Contact, ways: Sequence[Way], sides: Sequence[float]) -> bool:
-        """Whether the momentum along a rest, from the way before it or after it, is between those of both sides."""
-        x = np.linspace(rest.start, rest.end, PLACES_OF_WAY)
-        least, greatest = (self._gradient(curve, x, up)[:, 1] for up in (-1.0, 1.0))
-        nodes, weights = composite_gauss(x, POINTS_OF_REST)
-        rates = self._gradient(curve, nodes, 0.0)[:, 0]
-        gained = np.concatenate([[0.0], np.cumsum((rates * weights).reshape(len(x) - 1, -1).sum(1))])
-        before = [side for way, side in zip(ways, sides, strict=True) if way[1] == rest.start]
-        after = [side for way, side in zip(ways, sides, strict=True) if way[0] == rest.end]
-        if before:
-            momenta = self._momentum(curve, rest.start, before[0]) + gained
-        else:
-            momenta = self._momentum(curve, rest.end, after[0]) + gained - gained[-1]
-        room = MOMENTUM_ROOM * max(float(np.abs(side).max()) for side in (least, greatest, momenta))
-        return bool((momenta >= least - room).all() and (momenta <= greatest + room).all())
+    def contacts(self, curve: CurveOrSlope, found: Sequence[Crossing]) -> list[Contact]:
+        """The contacts where a curve meets kinks, as it was ``found`` to, and where it is at bounds.
 
-    def _momentum(self, curve: CurveOrSlope, x: float, side: float) -> float:
-        """The momentum at one place on the kink, with L as it is on one side of that."""
-        at = np.array([x])
-        up = side * float(np.sign(self._on_kink(curve, at)[1][0, 0]))
-        return float(self._gradient(curve, at, up)[0, 1])
+        A kink of the slope that it goes through holds it for as long as the momentum takes.
+        """
+        met, first = list[Contact](), len(self.problem.constraints)
+        for c in found:
+            number = next((k for k, switch in enumerate(self.switches) if switch is c.switch), None)
+            if number is None:
+                continue
+            index = first + number
+            held = c.until is None and self._steep[index]
+            half = 0.5 * self._time_across(curve, c.x) if held else 0.0
+            met.append(Contact(index, 0.0, c.x - half, c.x + half if c.until is None else c.until))
+        x = np.linspace(*self.problem.span, PLACES_FOR_BOUNDS)
+        values = self.values(curve, x)[len(self.switches) :]
+        for condition, row in zip(self.conditions[len(self.switches) :], values, strict=True):
+            room = AT_BOUND[self._steep[condition.index]] * max(float(np.ptp(row)), 1e-300)
+            for level in condition.bounds:
+                near = np.flatnonzero(np.abs(row - level) <= room) if math.isfinite(level) else []
+                for run in np.split(near, 1 + np.flatnonzero(np.diff(near) > 1)) if len(near) else ():
+                    if len(run) > 2:
+                        met.append(Contact(condition.index, level, float(x[run[0]]), float(x[run[-1]])))
+        return met
 
-    def _gradient(self, curve: CurveOrSlope, x: np.ndarray, up: float) -> np.ndarray:
-        """The derivatives (m, 2) of what is minimised by the curve and its slope, a little more than on the kink."""
-        slope = self._on_kink(curve, x)[0]
-        aside = up * ASIDE * max(1.0, float(np.abs(slope).max()))
-        found = self.problem.integrand_derivatives(x, curve(x, 0), slope + aside).gradient[:, 1:]
-        return self.problem.sign * np.asarray(found)
+    def _time_across(self, curve: CurveOrSlope, x: float) -> float:
+        """How long it takes the momentum to go from that of one side of a kink of the slope to that of the other."""
+        at, problem = np.array([x]), self.problem
+        y, v = curve(at, 0), curve(at, 1)
+        aside = ASIDE * max(1.0, abs(float(v[0, 0])))
+        below, above = (problem.integrand_derivatives(at, y, v + way * aside).gradient[0, 1:] for way in (-1, 1))
+        rate = 0.5 * abs(float(below[0] + above[0]))
+        return abs(float(above[1] - below[1])) / rate if rate > 0 else 0.0
 
-    def _on_kink(self, curve: CurveOrSlope, x: np.ndarray) -> list[np.ndarray]:
-        """The slopes (1, m) on the kink at x (m,) of a curve, and the rates (1, m) of its argument by the slope."""
-        numbers, none = np.tile(self.problem.parameter_values[:, None], (1, len(x))), np.zeros((0, len(x)))
-        return [np.asarray(v) for v in self._onto(x[None], curve(x, 0), curve(x, 1), none, numbers, none)]
+    def following(
+        self, curve: CurveOrSlope, contacts: Sequence[Contact], sides: Sequence[np.ndarray]
+    ) -> Iterator[Contact]:
+        """The contacts, and others where a curve is on the other side of a kink on its way, or beyond a bound.
+
+        A rest beside which it is across a kink of the place is one on that.
+        """
+        others = list[Contact]()
+        for way, side in zip(_ways(self.problem, contacts), sides, strict=True):
+            x = np.linspace(*way, PLACES_OF_WAY)
+            values = self.values(curve, x)
+            room = STRAYING * np.abs(values).max(1)
+            for k, condition in enumerate(self.conditions):
+                kink = k < len(self.switches)
+                levels = [(0.0, -side[k] * values[k])] if kink else self._beyond(condition, values[k])
+                for level, excess in levels:
+                    strays = np.flatnonzero(excess > room[k])
+                    for run in np.split(strays, 1 + np.flatnonzero(np.diff(strays) > 1)) if len(strays) else ():
+                        first, last = x[max(run[0] - 1, 0)], x[min(run[-1] + 1, len(x) - 1)]
+                        others.append(Contact(condition.index, level, float(first), float(last)))
+        yield from self._with_others(contacts, others)
+
+    @staticmethod
+    def _beyond(condition: SideCondition, values: np.ndarray) -> list[tuple[float, np.ndarray]]:
+        """How far values lie beyond each level of a bound."""
+        ways = ((condition.lower, -1.0), (condition.upper, 1.0))
+        return [(level, way * (values - level)) for level, way in ways if math.isfinite(level)]
+
+    def _with_others(self, contacts: Sequence[Contact], others: Sequence[Contact]) -> Iterator[Contact]:
+        """The contacts with those that were missed: what lies beside one makes it another, or nothing."""
+        known, span = list(contacts), self.problem.span
+        for other in others:
+            # beyond a bound a free end comes to it alone, first
+            at_end = [replace(other, start=x, end=x) for x in span if x in (other.start, other.end)]
+            if (held := next(filter(self.ends_at, at_end), None)) is not None and held not in known:
+                known.append(held)
+                continue
+            beside = [k for k, c in enumerate(known) if other.start == c.end or other.end == c.start]
+            if not beside:
+                crossing = not self._steep[other.index] and other.index >= len(self.problem.constraints)
+                ends = [(other.start,) * 2, (other.end,) * 2] if crossing else [(other.start, other.end)]
+                known += [replace(other, start=a, end=b) for a, b in ends]
+                continue
+            for k in beside:  # a rest beside which the same is missed is longer
+                if (self.steep(known[k]) and not self.steep(other)) or self.ends_at(known[k]):
+                    one = known[k] if self.steep(known[k]) else other
+                    known[k] = replace(other, start=one.start, end=one.end)
+        yield from sorted(known, key=lambda c: c.start)
+
+    def holds(self, curve: CurveOrSlope, contact: Contact, beside: tuple[Expression | None, Expression | None]) -> bool:
+        """Whether the momentum can go from that before a contact to that after it, with L on both sides of that."""
+        problem = self.problem
+        if contact.start == contact.end and not self.ends_at(contact):
+            return True
+        momenta = [
+            self._natural(curve, end) if piece is None else self._momentum(piece, curve, x)
+            for end, piece, x in zip((0, 1), beside, (contact.start, contact.end), strict=True)
+        ]
+        inside = np.linspace(INWARDS, 1 - INWARDS, PLACES_OF_REST)  # at an end the curve has the slope beside it
+        x = contact.start + (contact.end - contact.start) * inside
+        pressed = np.zeros((2, 2))
+        condition = self.condition(contact)
+        if contact.index < len(problem.constraints):
+            felt = problem.symbols.dy if self.steep(contact) else problem.symbols.y
+            rate = ca.Function("rate", problem.symbols.all, [ca.gradient(condition.expression, felt)])
+            upwards = float(rate(*self.point(curve, 0.5 * (contact.start + contact.end)))) > 0
+            pressed[int(self.steep(contact)), int(upwards == (contact.level == condition.upper))] = math.inf
+        with np.errstate(invalid="ignore"):  # what a bound holds has no middle
+            return held_momentum(problem, curve, x, momenta, pressed) is not None
+
+    def _momentum(self, piece: Expression, curve: CurveOrSlope, x: float) -> float:
+        """The momentum of L that is ``piece`` at one place of a curve."""
+        s = self.problem.symbols
+        rate = ca.Function("momentum", s.all, [ca.gradient(piece, s.dy)])
+        return self.problem.sign * float(rate(*self.point(curve, x)))
+
+    def _natural(self, curve: CurveOrSlope, end: int) -> float | None:
+        """The momentum that an end of the interval asks for; None where the curve is given there."""
+        problem = self.problem
+        if (problem.start, problem.end)[end].fixed:
+            return None
+        if problem.end_cost_expression is None:
+            return 0.0
+        places, cost = problem.end_cost_expression
+        rate = ca.gradient(cost, places[1 + 2 * end])
+        function = ca.Function("natural", [*places, problem.symbols.parameters, problem.symbols.unknowns], [rate])
+        at = [v for x in problem.span for v in (x, curve(np.array([x]), 0)[0])]
+        return problem.sign * (1 - 2 * end) * float(function(*at, problem.parameter_values, np.zeros(0)))

@@ -8,11 +8,17 @@ curves that come near it settles all the same; what does not settle is the curve
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from varcalc.existence.approach import approached
+from varcalc.formulation import formulate
+from varcalc.formulation.height import height
+from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import Solution
+from varcalc.solution import Finding, Solution, Status, no_answer, refused
+from varcalc.symbolic.derived import answered
 
 DOUBTED = 1e-5
 """Error of a curve, relative to its extent, from which other coordinates are asked."""
@@ -73,6 +79,34 @@ def upright(solution: Solution) -> Upright | None:
     ):
         return None
     return Upright(solution.error.curve / extent, float(at[0]), float(np.abs(slope).max()))
+
+
+def not_attained(problem: Functional, method: Any) -> Solution | None:
+    """The refusal where least polygons rise ever more steeply, and L lets them: no curve attains the infimum.
+
+    None elsewhere. ``method`` is what would have been tried.
+    """
+    finding = _jumping(problem)
+    return None if finding is None else refused(no_answer(problem, method, Status.REFUSED, ""), finding)
+
+
+@answered
+def _jumping(problem: Functional) -> Finding | None:
+    if not isinstance(problem, Problem) or problem.order != 1:
+        return None
+    (a, b), form = problem.span, formulate(problem)
+    middle = np.array([0.5 * (a + b)])
+    if form.stated.is_lifted or not _grows_linearly(
+        problem, middle, form.start.curve(middle), np.ones((problem.n, 1)) * max(1.0, height(form)) / (b - a)
+    ):
+        return None
+    approach = approached(problem, closely=True)
+    if approach is None or not approach.concentrates:
+        return None
+    at, polygon = np.array([approach.where]), approach.last.evaluate
+    if not _grows_linearly(problem, at, polygon(at, 0), polygon(at, 1)):
+        return None
+    return approach.finding
 
 
 def _at_one_abscissa(problem: Problem, solution: Solution, extent: float) -> Upright | None:

@@ -19,7 +19,7 @@ from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, IN_NARROW, has_lattice, looked_around
 from varcalc.existence.polygons import Polygon
 from varcalc.existence.refraction import refracted, smooth_or_refused
-from varcalc.existence.upright import upright
+from varcalc.existence.upright import not_attained, upright
 from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.methods.answer import in_coordinates_of
@@ -350,8 +350,10 @@ def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> S
     Where there is a choice of forms each is tried from the first starting curves before any is tried from all, and
     bounds that no curve meets are told of before many are spent on them.
     """
-    several = _count(problem) > 1
-    if not (isinstance(method, Ritz) and method.starts > FEW_STARTS and (several or any(problem.of_type(Bound)))):
+    several, bounds = _count(problem) > 1, any(problem.of_type(Bound))
+    if bounds and (none := not_attained(problem, method)) is not None:  # under bounds it takes long to see
+        return none
+    if not (isinstance(method, Ritz) and method.starts > FEW_STARTS and (several or bounds)):
         return _explained(problem, _first_answer(problem, method, tol, guess))
     few = replace(method, starts=FEW_STARTS)
     found = replace(_explained(problem, _first_answer(problem, few, tol, guess)), method=method)
@@ -370,10 +372,11 @@ def _count(problem: Functional) -> int:
 
 
 def _explained(problem: Functional, found: Solution) -> Solution:
-    """An answer, or a failure with the conditions that no curve meets."""
-    asked = problem.constraints or any(problem.slides)
-    if found.status.ok or not asked or found.verdict in CONCLUSIVE:
+    """An answer, or a failure with the conditions that no curve meets, or with the infimum that none attains."""
+    if found.status.ok or found.verdict in CONCLUSIVE:
         return found
+    if not problem.constraints and not any(problem.slides):
+        return found if found.verdict is not None else not_attained(problem, found.method) or found
     hopeless = all(form is not None and form.refused for form in forms(problem))
     return found if hopeless else explained(problem, found)
 

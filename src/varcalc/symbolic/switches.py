@@ -145,17 +145,21 @@ def alike(a: Expression, b: Expression) -> int:
 
 
 def held(
-    expressions: Sequence[Expression], symbols: Sequence[Expression], point: Sequence[np.ndarray]
-) -> list[Expression]:
+    expressions: Sequence[Expression], symbols: Sequence[Expression], point: Sequence[np.ndarray],
+    moving: Expression | None = None,
+) -> list[Expression]:  # fmt: skip
     """SX ``expressions`` of ``symbols`` with every switch left on the side on which it is at a ``point``.
 
-    What is returned is smooth, and is what was given as far as the next switch.
+    What is returned is smooth, and is what was given as far as the next switch. Where there are ``moving`` symbols,
+    switches that others decide are left as they are.
     """
     function = ca.Function("held", list(symbols), [ca.densify(ca.vertcat(*expressions))])
 
     def applied(operation: int, operands: Sequence[_Held]) -> _Held:
         value = float(in_numbers(operation)(*(o.value for o in operands)))
-        written = _side(operation, operands, value)
+        decisive = operands[:1] if operation == ca.OP_IF_ELSE_ZERO else operands
+        kept = moving is not None and not any(ca.depends_on(o.written, moving) for o in decisive)
+        written = None if kept else _side(operation, operands, value)
         if written is None:
             written = operate(operation, [o.written for o in operands])
         return _Held(written, value)

@@ -262,7 +262,9 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
         largest = float(np.abs(at.variables[:, : system.n]).max())
         curve = max(curve, largest * min(error / scale, 1.0) ** (2 / 3))
     found = replace(found, value=value, error=error, scale=scale, curve=curve)
-    shares = _shares(rungs, system, richer.z - z)
+    # where a condition gives the curve, the rule may still miss what L does along it
+    by_rule = missed(found.integrand.reshape(system.space.elements, -1)) * 0.5 * system.space.widths
+    shares = _shares(rungs, system, richer.z - z) + by_rule
     return Estimate(**vars(found), system=system, z=richer.z, at=at, step=None, shares=shares, solved=richer)
 
 

@@ -401,8 +401,10 @@ class _Pathwise:
         """Append that a curve comes to a stretch, and leaves it, with the rate that a condition has along it.
 
         That the functional is stationary in where the stretch ends says the square of it, which is no minimum there but
-        an inflection.
+        an inflection. Where the ends of stretches are no unknowns, they are moved there.
         """
+        if not self.system.form.coordinates.corners:
+            return
         changes, size = np.diff(elements.astype(int)), self.sizes.of_integrand(rate)
         for node, free in ((1.0, np.append(changes > 0, False)), (-1.0, np.append(False, changes < 0))):
             points = CurvePoints.of(self.system, self.scale, np.array([node]))

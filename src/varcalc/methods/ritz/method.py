@@ -27,7 +27,18 @@ from varcalc.methods.ritz.layers import cuts, hidden, layered
 from varcalc.methods.ritz.newton import NO_NUMBER, Newton, load, minimise
 from varcalc.methods.ritz.slack import kept, without_inequalities
 from varcalc.methods.ritz.starts import COMPARED, bent_anyhow, clear_of_bounds, meeting_levels
-from varcalc.methods.ritz.steepest import FOUND, NEARLY_FOUND, at_bounds, kept_vertices, moved, shift, steep, steepest
+from varcalc.methods.ritz.steepest import (
+    FOUND,
+    NEARLY_FOUND,
+    Shifted,
+    at_bounds,
+    carried,
+    kept_vertices,
+    moved,
+    shift,
+    steep,
+    steepest,
+)
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.methods.ritz.touching import Touching, touchable, touching
 from varcalc.numerics.mesh import Space, on_one_element
@@ -190,24 +201,33 @@ class Ritz(Brief):
     def _at_steepest(self, form: Form, first: Solution, started: float, tol: float) -> Solution | None:
         """The answer with its slope at a bound where the ``first`` one's is, nearly; None where it does not count."""
         contacts = steepest(form, first)
-        if not contacts or first.curve is None or (led := self.at_contacts(form, contacts, first.curve, tol)) is None:
+        if not contacts or first.curve is None:
+            return None
+        led = self.at_contacts(lambda _: form, contacts, first.curve, tol)
+        if led is None:
             return None
         solution, contacts = led
         found = Touching(at_bounds(form, contacts), tuple(contacts), form)
         return found.plainly(self._timed(solution, first, started)) if found.counts(solution) else None
 
     def at_contacts(
-        self, form: Form, contacts: Sequence[Contact], curve: Callable[[np.ndarray, int], np.ndarray], tol: float
-    ) -> tuple[Solution, list[Contact]] | None:
-        """The answer whose slope is given on ``contacts``, moved to where it sets out smoothly; None for none.
+        self, stated: Callable[[Sequence[Contact]], Form | None], contacts: Sequence[Contact],
+        curve: Callable[[np.ndarray, int], np.ndarray], tol: float,
+    ) -> tuple[Solution, list[Contact]] | None:  # fmt: skip
+        """The answer that follows ``contacts``, moved to where it sets out smoothly; None for none.
 
-        They are guesses, as the ``curve`` is, and may vanish; the form's pathwise conditions say what the slope is.
+        They are guesses, as the ``curve`` is, and may vanish. ``stated`` is the form with them, whose pathwise
+        conditions say what they are with, or None for those that it does not know: they are where this ends.
         """
         apart, vertices, contacts = math.inf, list[float](), list(contacts)
+        guess: Sampled = partial(_ordinates, curve)
+        shifted, known = Shifted(), None
         for _ in range(STEPS_TO_ENDS):
             way = replace(self, elements=1, degree=ON_KNOWN_MESH if vertices else None, starts=1)
             nearly = tol if apart <= NEARLY_FOUND or not contacts else max(tol, ROUGHLY)
-            solution = _Climb(way, at_bounds(form, contacts, vertices), nearly).run(partial(_ordinates, curve))
+            if (form := stated(contacts)) is None:
+                return known
+            solution = _Climb(way, at_bounds(form, contacts, vertices), nearly).run(guess)
             if not solution.status.ok or solution.curve is None:
                 return None
             following = moved(form, contacts, solution)
@@ -215,7 +235,9 @@ class Ritz(Brief):
             if nearly == tol and (apart <= FOUND or not contacts):
                 return solution, contacts
             vertices = kept_vertices(contacts, following, solution)
-            contacts, curve = following, solution.curve
+            following = shifted.mixed(contacts, following)
+            known = solution, following
+            contacts, guess = following, carried(form, contacts, following, solution.curve)
         return None
 
     def _timed(self, solution: Solution, first: Solution, started: float) -> Solution:

@@ -43,7 +43,7 @@ def _of_equations(form: Form) -> Cache:
 def kept(form: Form, found: Solution) -> Solution | None:
     """An answer to :func:`without_inequalities` as one to ``form``; None where it misses an inequality."""
     free = found.extremal
-    if free is None or not (_within_bounds(form, free) and _within_levels(form, free)):
+    if free is None or not (within_bounds(form, free) and _within_levels(form, free)):
         return None
     equations = iter(free.lambdas)
     lambdas = np.array([next(equations) if c.equality else 0.0 for c in form.conditions.integrals])
@@ -52,7 +52,8 @@ def kept(form: Form, found: Solution) -> Solution | None:
     return replace(found, extremal=extremal, multipliers=multipliers(extremal))
 
 
-def _within_bounds(form: Form, free: Extremal) -> bool:
+def within_bounds(form: Form, free: Extremal) -> bool:
+    """Whether an extremal keeps the bounds of a form in whose coordinates it is."""
     bounds = [c for c in form.conditions.pathwise if not c.equality]
     if not bounds:
         return True

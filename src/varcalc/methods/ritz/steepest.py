@@ -16,20 +16,28 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Contact, Form
+from varcalc.formulation import Contact, Form, Sampled
 from varcalc.methods.ritz.touching import touched_stretches
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import Cache
 
+MIXED = 6
+"""Shifts at most that are taken in view at once."""
 BESIDE_END = 1e-5
 """Distance from the end of a stretch, in units of the piece beside it, at which its rate is told."""
+STEPS_TO_ORDINATE = 8
+"""Of Newton's method, from zero, to the ordinate of a point at which a curve is held."""
 FOUND, NEARLY_FOUND = 1e-8, 1e-4
 """Shifts of the ends, in units of the interval, with which they are found, and from which on they nearly are.
 
 The next shift goes by the square of the last, and the functional by the third power.
 """
+NEARER = 0.15
+"""Share of the room beside a point by which it is moved at once at most."""
+SHORTENED = 0.4
+"""Share of a stretch by which either end comes nearer to the other at once at most."""
 LEAST_LENGTH = 1e-6
 """Length of a stretch, or of what lies between two, in units of the interval, that is none."""
 
@@ -51,31 +59,134 @@ def steepest(form: Form, coarse: Solution) -> list[Contact]:
 
 
 def at_bounds(form: Form, contacts: Sequence[Contact], vertices: Iterable[float] = ()) -> Form:
-    """The form with its bounds as equations on ``contacts``, and not at all elsewhere, on a mesh with ``vertices``."""
+    """The form with its bounds as equations on ``contacts``, and not at all elsewhere, on a mesh with ``vertices``.
+
+    Contacts that are points hold the curve there.
+    """
     bounds = {c.index: c for c in form.conditions.pathwise}
-    pathwise = tuple(replace(bounds[c.index], lower=c.level, upper=c.level, where=(c.start, c.end)) for c in contacts)
+    pathwise = tuple(
+        replace(bounds[c.index], lower=c.level, upper=c.level, where=(c.start, c.end))
+        for c in contacts
+        if c.start < c.end
+    )
     ends = {e for c in contacts for e in (c.start, c.end) if form.span[0] < e < form.span[1]}
     knots = tuple(sorted({*form.conditions.knots, *ends, *vertices}))
-    return replace(form, conditions=replace(form.conditions, pathwise=pathwise, knots=knots), cache=Cache())
+    points = {c.start: _ordinate(form, bounds[c.index].expression, c) for c in contacts if c.start == c.end}
+    given = [side.copy() for side in (form.ends.start, form.ends.end)]
+    for side, x in zip(given, form.span, strict=True):
+        side[0, 0] = points.pop(x, side[0, 0])
+    inside = tuple((x, (y,)) for x, y in sorted(points.items()))
+    conditions = replace(form.conditions, pathwise=pathwise, knots=knots, waypoints=inside)
+    return replace(form, ends=replace(form.ends, start=given[0], end=given[1]), conditions=conditions, cache=Cache())
+
+
+def _ordinate(form: Form, expression: ca.SX, contact: Contact) -> float:
+    """The ordinate at which an expression of the place has the level of a contact that is a point."""
+    s, y = form.symbols, 0.0
+    newton = s.y - (expression - contact.level) / ca.gradient(expression, s.y)
+    onto = ca.Function("onto", s.all, [ca.densify(newton)])
+    for _ in range(STEPS_TO_ORDINATE):
+        y = float(onto(contact.start, y, 0.0, [], form.problem.parameter_values, []))
+    return y
 
 
 def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[Contact]:
-    """The contacts with their ends nearer to where the curve beside them is at its bound, but those that vanish."""
+    """The contacts with their ends nearer to where the curve sets out smoothly, but those that vanish.
+
+    There a bound of the slope is one of the curve beside it, and one of the place moves as the curve does. Points at
+    which the curve is held are moved to where it has no corner.
+    """
     assert solution.curve is not None
-    rates = {c.index: _along(form, c.expression) for c in form.conditions.pathwise}
+    asked = {c.index: c.expression for c in form.conditions.pathwise}
     places = [form.span[0], *(e for c in contacts for e in (c.start, c.end)), form.span[1]]
     ends = []
     for k, contact in enumerate(contacts):
         before, after = contact.start - places[2 * k], places[2 * k + 3] - contact.end
-        ends.append(
-            tuple(
-                end if room <= 0 else end - _newton(rates[contact.index], contact, end, way * room, solution.curve)
-                for end, way, room in ((contact.start, -1, before), (contact.end, 1, after))
-            )
-        )
+        expression, level = asked[contact.index], contact.level
+        if contact.start == contact.end:
+            ends.append((_uncornered(form, expression, contact.start, before, after, solution.curve),) * 2)
+            continue
+        if not ca.depends_on(expression, form.symbols.dy):
+            expression, level = _pace(form, expression), 0.0
+        along, curve = _along(form, expression), solution.curve
+        sides = ((contact.start, -1, before), (contact.end, 1, after))
+        moves = [0.0 if room <= 0 else -_newton(along, level, end, way * room, curve) for end, way, room in sides]
+        # what is far too long is seen less well than where it should be
+        most = SHORTENED * (contact.end - contact.start)
+        ends.append((contact.start + min(moves[0], most), contact.end + max(moves[1], -most)))
     least = LEAST_LENGTH * (form.span[1] - form.span[0])
     clipped = [(max(a, form.span[0]), min(b, form.span[1])) for a, b in ends]
-    return [replace(c, start=a, end=b) for c, (a, b) in zip(contacts, clipped, strict=True) if b - a > least]
+    return [
+        replace(c, start=a, end=b)
+        for c, (a, b) in zip(contacts, clipped, strict=True)
+        if b - a > least or c.start == c.end
+    ]
+
+
+def _uncornered(
+    form: Form, expression: ca.SX, x: float, before: float, after: float,
+    curve: Callable[[np.ndarray, int], np.ndarray],
+) -> float:  # fmt: skip
+    """Nearly where a curve that is held on a surface at x has no corner, with so much room before and after.
+
+    To first order it goes straight to what it is held by next. An end of the interval stays.
+    """
+    if before <= 0 or after <= 0:
+        return x
+    pace = _along(form, _pace(form, expression))
+    room = np.array([-before, after])
+    near, far = x + BESIDE_END * room, x + 2 * BESIDE_END * room
+    slopes = 2 * pace(near, curve(near, 0), curve(near, 1)) - pace(far, curve(far, 0), curve(far, 1))
+    step = -(slopes[1] - slopes[0]) / (slopes.mean() * (1 / before + 1 / after))
+    return x + float(np.clip(step, -NEARER * before, NEARER * after)) if np.isfinite(step) else x
+
+
+def _pace(form: Form, expression: ca.SX) -> ca.SX:
+    """How fast an expression of the place changes along a curve."""
+    s = form.symbols
+    return ca.gradient(expression, s.x) + ca.gradient(expression, s.y) * s.dy
+
+
+def carried(
+    form: Form, before: Sequence[Contact], after: Sequence[Contact], curve: Callable[[np.ndarray, int], np.ndarray]
+) -> Sampled:
+    """A curve as a guess, its corners carried from the ends of contacts to where these are afterwards."""
+    old, new = ([form.span[0], *(e for c in each for e in (c.start, c.end)), form.span[1]] for each in (before, after))
+    if len(old) != len(new) or np.any(np.diff(new) < 0):
+        return lambda x: curve(x, 0)
+    return lambda x: curve(np.interp(x, new, old), 0)
+
+
+class Shifted:
+    """Where the ends of contacts were, and where they were to go from there: what is taught by it.
+
+    Points at which a curve is held feel each other (Anderson's mixing; Walker and Ni, SIAM Journal on Numerical
+    Analysis 49, 2011). Ends of stretches are found quadratically as it is.
+    """
+
+    def __init__(self) -> None:
+        self._known: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def mixed(self, before: Sequence[Contact], after: Sequence[Contact]) -> list[Contact]:
+        """The contacts that follow, in view of all shifts that are known, or those ``after`` as they are."""
+        plainly = list(after)
+        points = [c.start == c.end for c in after]
+        same = [c.index for c in before] == [c.index for c in after] and points == [c.start == c.end for c in before]
+        if not (same and any(points)):
+            self._known.clear()
+            return plainly
+        old, new = (np.array([(c.start, c.end) for c in each]).ravel() for each in (before, after))
+        self._known.append((new - old, new))
+        shifts, places = (np.array(column[-MIXED:]).T for column in zip(*self._known, strict=True))
+        if shifts.shape[1] < 2:
+            return plainly
+        weights = np.linalg.lstsq(np.diff(shifts), shifts[:, -1], rcond=None)[0]
+        ends = (places[:, -1] - np.diff(places) @ weights).reshape(-1, 2)
+        ends[points, 1] = ends[points, 0]
+        edges = np.delete(ends.ravel(), 1 + 2 * np.flatnonzero(points))
+        if not np.isfinite(ends).all() or np.any(np.diff(edges) <= 0):
+            return plainly
+        return [replace(c, start=float(a), end=float(b)) for c, (a, b) in zip(after, ends, strict=True)]
 
 
 def kept_vertices(contacts: Sequence[Contact], following: Sequence[Contact], solution: Solution) -> list[float]:
@@ -95,12 +206,12 @@ def shift(form: Form, before: Sequence[Contact], after: Sequence[Contact]) -> fl
 
 
 def _newton(
-    along: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray], contact: Contact, end: float, room: float,
+    along: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray], level: float, end: float, room: float,
     curve: Callable[[np.ndarray, int], np.ndarray],
 ) -> float:  # fmt: skip
-    """Newton's step towards where a bound's function has its level, from one end into the ``room`` beside it."""
+    """Newton's step towards where a function has its ``level``, from one end into the ``room`` beside it."""
     x = end + BESIDE_END * room * np.array([1.0, 2.0])
-    near, far = along(x, curve(x, 0), curve(x, 1)) - contact.level
+    near, far = along(x, curve(x, 0), curve(x, 1)) - level
     rate = (far - near) / (x[1] - x[0])
     step = (2 * near - far) / rate
     return float(np.clip(step, -abs(room) / 2, abs(room) / 2)) if np.isfinite(step) else 0.0
