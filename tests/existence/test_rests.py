@@ -202,7 +202,7 @@ def test_a_body_rests_on_kinks_of_the_place_and_at_bounds_as_well(case):
 
 
 def test_a_well_behind_friction_and_a_bound_is_seen():
-    """The line at rest is a minimum among the curves near it; a ramp to the bound, beyond which a well lies, is less."""
+    """The line at rest is a minimum among the curves near it; a ramp to the bound beside a well is lower."""
     well, level = -0.11, -0.24
 
     def lagrangian(m, y, v):

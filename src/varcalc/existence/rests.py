@@ -39,6 +39,8 @@ PLACES_OF_WAY = 65
 """Places of a way on which a curve moves that are looked at."""
 PLACES_FOR_BOUNDS = 513
 """Places of a curve at which it is seen whether it is at a bound."""
+LONGEST_POINT = 6
+"""How many of them beside a free end are the end alone, if that is at a bound."""
 AT_BOUND = 1e-3, 1e-2
 """How near it is then, in units of the range along the curve: to one of the place, of the slope."""
 STRAYING = 1e-6
@@ -232,10 +234,14 @@ class _Surfaces:
         values = self.values(curve, x)[len(self.switches) :]
         for condition, row in zip(self.conditions[len(self.switches) :], values, strict=True):
             room = AT_BOUND[self._steep[condition.index]] * max(float(np.ptp(row)), 1e-300)
-            for level in condition.bounds:
-                near = np.flatnonzero(np.abs(row - level) <= room) if math.isfinite(level) else []
+            for level, excess in self._beyond(condition, row):
+                near = np.flatnonzero(excess >= -room)
                 for run in np.split(near, 1 + np.flatnonzero(np.diff(near) > 1)) if len(near) else ():
-                    if len(run) > 2:
+                    ends = [x[k] for k in (0, -1) if x[k] in x[run]] if len(run) <= LONGEST_POINT else []
+                    at = [Contact(condition.index, level, float(end), float(end)) for end in ends]
+                    if any(map(self.ends_at, at)):
+                        met += filter(self.ends_at, at)
+                    elif len(run) > 2:
                         met.append(Contact(condition.index, level, float(x[run[0]]), float(x[run[-1]])))
         return met
 
