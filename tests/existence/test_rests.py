@@ -220,3 +220,69 @@ def test_a_well_behind_friction_and_a_bound_is_seen():
     assert found.value < before + 0.6 * lagrangian(np, level, 0.0)
     assert not found.local
     assert found.curve(np.linspace(0.5, 1, 9), 0) == pytest.approx(level, abs=1e-9)
+
+
+HIGHER = 9.0
+
+
+def wall(start, end, rough=0.0, written=lambda y: ca.if_else(y < 0, HIGHER, 0)):
+    """A body that falls to where L jumps up, and stays beside that: v^2/2 = y on the ways there and back."""
+    free = end is None
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + rough * ca.fabs(v) + y + written(y),
+        vc.Fixed(0, start), vc.Free(6) if free else vc.Fixed(6, end),
+    )  # fmt: skip
+    return problem, sum(2 / 3 * np.sqrt(2) * y**1.5 + rough * y for y in (start, 0.0 if free else end))
+
+
+WALLS = {
+    "to a free end": wall(1.0, None),
+    "there and back": wall(1.0, 0.7),
+    "begun beside it": wall(0.01, None),
+    "with friction": wall(1.0, 0.7, 0.3),
+    "with friction to a free end": wall(1.0, None, 0.3),
+    "no less and equal": wall(1.0, 0.7, written=lambda y: ca.if_else(y <= 0, HIGHER, 0)),
+    "by a sign": wall(1.0, None, written=lambda y: HIGHER * (1 - ca.sign(y)) / 2),
+}
+
+
+@pytest.mark.parametrize("case", WALLS)
+def test_a_body_stays_beside_a_jump_as_at_a_wall(case):
+    problem, exact = WALLS[case]
+    found = vc.solve(problem)
+    assert abs(found.value - exact) <= found.error.value + 1e-13
+    assert found.error.value < 1e-9
+    assert not found.local
+
+
+@pytest.mark.parametrize("moving", [0.0, 0.1])
+def test_a_body_falls_over_a_ledge_and_on_to_a_wall(moving):
+    """The energy v^2/2 - V is that of the wall all along, in coordinates that move with both."""
+    ledge, deep, time = 2.0, 0.3, 5.0
+    problem = vc.Problem(
+        lambda x, y, v: (v - moving) ** 2 / 2 + (y - moving * x)
+        - ca.if_else(y - moving * x < 0, ledge, 0) + ca.if_else(y - moving * x < -deep, 9, 0),
+        vc.Fixed(0, 1), vc.Free(time),
+    )  # fmt: skip
+    level = deep + ledge
+
+    def along(drop, low, high):
+        def part(t, value):  # y = low + t^2: the speed may vanish there as t does
+            y = low + t * t
+            speed = np.sqrt(2 * (level + low - drop + t * t))
+            return 2 * t * (speed / 2 + (y - drop) / speed if value else 1 / speed)
+
+        return [quad(part, 0, np.sqrt(high - low), args=(value,), epsabs=1e-14)[0] for value in (True, False)]
+
+    (above, first), (below, second) = along(0.0, 0.0, 1.0), along(ledge, -deep, 0.0)
+    found = vc.solve(problem)
+    assert abs(found.value - (above + below - level * (time - first - second))) <= found.error.value + 1e-12
+    assert found.error.value < 1e-9
+    assert not found.local
+
+
+def test_a_wall_that_a_local_minimum_lies_beyond_is_seen():
+    """A method that is held to smooth curves falls past the wall: it says that there is something lower."""
+    problem, exact = wall(0.1, None)
+    found = vc.solve(problem, vc.Ritz(elements=4, degree=3, refine=False), throw=False)
+    assert not found.status.ok or found.local or found.value <= exact + 1e-3

@@ -138,12 +138,12 @@ def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
 
 def held_momentum(
     problem: Problem, along: Curve, x: np.ndarray, ends: Sequence[float | None] = (None, None),
-    pressed: np.ndarray = NOT_PRESSED,
+    pressed: np.ndarray = NOT_PRESSED, size: float = 0.0,
 ) -> HeldMomentum | None:  # fmt: skip
     """Momenta between L_y' on both sides of the kink whose rates are between L_y on both; None where there are none.
 
     At the ``ends`` of x (m,) they are what is given. By how much rates, and momenta, may be less and more where bounds
-    hold the curve says ``pressed`` (2, 2).
+    hold the curve says ``pressed`` (2, 2). Momenta are known to a part of their ``size`` elsewhere.
     """
     y, slope = along(x, 0), along(x, 1)
     aside = _beside(problem)
@@ -160,7 +160,7 @@ def held_momentum(
         * problem.sign
     )  # (side of y, side of the slope, abscissa, derivative by y and by the slope)
     rates, momenta = sides[..., 0], sides[..., 1]
-    room = NEARLY * np.abs(sides).max(axis=(0, 1, 2)) + 1e-300
+    room = NEARLY * np.maximum(np.abs(sides).max(axis=(0, 1, 2)), [0.0, size]) + 1e-300
     # the derivatives fill a box, and not a part of it, if the one by y is alone with y, and so the other
     boxed = np.abs(np.diff(rates, axis=1)).max() <= room[0] and np.abs(np.diff(momenta, axis=0)).max() <= room[1]
     if not (np.isfinite(sides).all() and boxed):

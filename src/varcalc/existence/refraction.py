@@ -19,7 +19,7 @@ from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.directions import polygonal
 from varcalc.existence.held_throughout import Curve, held_throughout
 from varcalc.existence.in_pieces import FOLLOWED_TO, alike, breaking, corners, settled
-from varcalc.existence.rests import with_rests
+from varcalc.existence.rests import along_jumps, with_rests
 from varcalc.existence.rounded import Rounded, ordinates_of, points_along, rounded, sizes_at
 from varcalc.existence.upright import not_attained
 from varcalc.formulation import Sampled, formulate
@@ -242,7 +242,7 @@ def _least(
             return held
     # what turns where friction holds it comes to rest
     turning = any(c.switch.depends_on(problem.symbols.highest) for c in found)
-    if riding or turning or (found and any(problem.of_type(Bound))):
+    if riding or turning or (found and any(problem.of_type(Bound))) or along_jumps(problem, curve):
         resting = with_rests(problem, method, tol, curve, found)
         if resting is not None and as_held(problem, resting):
             return resting

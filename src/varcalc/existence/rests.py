@@ -39,6 +39,8 @@ PLACES_OF_WAY = 65
 """Places of a way on which a curve moves that are looked at."""
 PLACES_FOR_BOUNDS = 513
 """Places of a curve at which it is seen whether it is at a bound."""
+ALONG_JUMP, ASIDE_OF_JUMP, SHORTEST_RUN = 2e-2, 1e-11, 24
+"""How near to a jump a curve runs along it, and is held there, in units of the largest argument; how long."""
 LONGEST_POINT = 6
 """How many of them beside a free end are the end alone, if that is at a bound."""
 AT_BOUND = 1e-3, 1e-2
@@ -84,10 +86,16 @@ def with_rests(
         if same and following == kept:
             if not all(surfaces.holds(curve, c, _beside(problem, kept, c, pieces)) for c in kept):
                 return None
-            own = resampled(curve, solution.x, 2)
-            return replace(solution, method=method, curve=own, extremal=None)
+            own, off = resampled(curve, solution.x, 2), sum(surfaces.off_by(curve, c) for c in kept)
+            error = replace(solution.error, value=solution.error.value + off)
+            return replace(solution, method=method, curve=own, extremal=None, error=error)
         contacts = _apart(surfaces, following)
     return None
+
+
+def along_jumps(problem: Problem, curve: CurveOrSlope) -> bool:
+    """Whether a curve runs along a jump of its place, as along a wall."""
+    return _treated(problem) and _Surfaces(problem).runs_along_jumps(curve)
 
 
 def _treated(problem: Problem) -> bool:
@@ -231,8 +239,9 @@ class _Surfaces:
             half = 0.5 * self._time_across(curve, c.x) if held else 0.0
             met.append(Contact(index, 0.0, c.x - half, c.x + half if c.until is None else c.until))
         x = np.linspace(*self.problem.span, PLACES_FOR_BOUNDS)
-        values = self.values(curve, x)[len(self.switches) :]
-        for condition, row in zip(self.conditions[len(self.switches) :], values, strict=True):
+        values = self.values(curve, x)
+        met += self._along_jumps(x, values)
+        for condition, row in zip(self.conditions[len(self.switches) :], values[len(self.switches) :], strict=True):
             room = AT_BOUND[self._steep[condition.index]] * max(float(np.ptp(row)), 1e-300)
             for level, excess in self._beyond(condition, row):
                 near = np.flatnonzero(excess >= -room)
@@ -244,6 +253,28 @@ class _Surfaces:
                     elif len(run) > 2:
                         met.append(Contact(condition.index, level, float(x[run[0]]), float(x[run[-1]])))
         return met
+
+    def _along_jumps(self, x: np.ndarray, values: np.ndarray) -> Iterator[Contact]:
+        """Contacts where a curve runs along a jump of its place, on the side on which it does: as at a bound."""
+        for switch, condition, row in zip(self.switches, self.conditions, values, strict=False):
+            if not switch.jumps or self._steep[condition.index] or switch.stepped:
+                continue
+            size = float(np.abs(row[np.isfinite(row)]).max(initial=0.0))
+            near = np.flatnonzero(np.abs(row) <= ALONG_JUMP * size)
+            for run in np.split(near, 1 + np.flatnonzero(np.diff(near) > 1)) if len(near) else ():
+                if len(run) > SHORTEST_RUN:
+                    side = float(np.sign(np.median(row[run])))
+                    yield Contact(condition.index, side * ASIDE_OF_JUMP * size, float(x[run[0]]), float(x[run[-1]]))
+
+    def runs_along_jumps(self, curve: CurveOrSlope) -> bool:
+        """Whether a curve runs along a jump of its place for a while."""
+        x = np.linspace(*self.problem.span, PLACES_FOR_BOUNDS)
+        return any(True for _ in self._along_jumps(x, self.values(curve, x)))
+
+    def jumps(self, contact: Contact) -> bool:
+        """Whether a contact is with a jump."""
+        number = contact.index - len(self.problem.constraints)
+        return number >= 0 and self.switches[number].jumps
 
     def _time_across(self, curve: CurveOrSlope, x: float) -> float:
         """How long it takes the momentum to go from that of one side of a kink of the slope to that of the other."""
@@ -314,15 +345,49 @@ class _Surfaces:
         ]
         inside = np.linspace(INWARDS, 1 - INWARDS, PLACES_OF_REST)  # at an end the curve has the slope beside it
         x = contact.start + (contact.end - contact.start) * inside
-        pressed = np.zeros((2, 2))
+        pressed, jumps = np.zeros((2, 2)), self.jumps(contact)
         condition = self.condition(contact)
-        if contact.index < len(problem.constraints):
+        if contact.index < len(problem.constraints) or jumps:
             felt = problem.symbols.dy if self.steep(contact) else problem.symbols.y
             rate = ca.Function("rate", problem.symbols.all, [ca.gradient(condition.expression, felt)])
             upwards = float(rate(*self.point(curve, 0.5 * (contact.start + contact.end)))) > 0
-            pressed[int(self.steep(contact)), int(upwards == (contact.level == condition.upper))] = math.inf
+            below = contact.level < 0 if jumps else contact.level == condition.upper
+            pressed[int(self.steep(contact)), int(upwards == below)] = math.inf
+            if jumps and not self._lower_here(curve, contact):
+                return False
         with np.errstate(invalid="ignore"):  # what a bound holds has no middle
-            return held_momentum(problem, curve, x, momenta, pressed) is not None
+            return held_momentum(problem, curve, x, momenta, pressed, self._size(curve)) is not None
+
+    def _size(self, curve: CurveOrSlope) -> float:
+        """How large momenta are along a curve."""
+        x = np.linspace(*self.problem.span, PLACES_FOR_BOUNDS)
+        return float(np.abs(self.problem.integrand_derivatives(x, curve(x, 0), curve(x, 1)).gradient[:, 2]).max())
+
+    def off_by(self, curve: CurveOrSlope, contact: Contact) -> float:
+        """What a curve is off by for running beside a jump and not on it: twice what presses it times how far it is."""
+        if not self.jumps(contact):
+            return 0.0
+        problem = self.problem
+        x = np.linspace(contact.start, contact.end, PLACES_OF_REST)
+        pulls = problem.integrand_derivatives(x, curve(x, 0), curve(x, 1)).gradient[:, 1:]
+        rate = ca.Function(
+            "rate", problem.symbols.all, [ca.gradient(self.condition(contact).expression, problem.symbols.y)]
+        )
+        away = abs(contact.level / float(rate(*self.point(curve, 0.5 * (contact.start + contact.end)))))
+        return 2 * away * float(np.ptp(pulls[:, 1]) + np.abs(pulls[:, 0]).mean() * (contact.end - contact.start))
+
+    def _lower_here(self, curve: CurveOrSlope, contact: Contact) -> bool:
+        """Whether L is less along a jump on the side on which a curve runs than on the other."""
+        x = contact.start + (contact.end - contact.start) * np.linspace(0, 1, PLACES_OF_WAY)[1:-1]
+        y, v, problem = curve(x, 0), curve(x, 1), self.problem
+        rate = ca.Function(
+            "rate", problem.symbols.all, [ca.gradient(self.condition(contact).expression, problem.symbols.y)]
+        )
+        columns = np.tile(problem.parameter_values[:, None], (1, len(x)))
+        none = np.zeros((0, len(x)))
+        across = y - 2 * contact.level / np.asarray(rate(x[None], y, v, none, columns, none))
+        here, there = (problem.sign * problem.integrand_values(x, ordinates, v) for ordinates in (y, across))
+        return bool((there > here).all())
 
     def _momentum(self, piece: Expression, curve: CurveOrSlope, x: float) -> float:
         """The momentum of L that is ``piece`` at one place of a curve."""

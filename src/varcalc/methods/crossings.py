@@ -34,6 +34,10 @@ WAVERING = 30.0
 """Argument, in units of what counts as zero, up to which a curve comes back to a kink that it follows."""
 STRAIGHT = 0.6
 """Pace in the middle of where an argument is small, in units of what takes it straight through, that is as good."""
+MOST_PLACED = 6
+"""Switches of the place whose ordinates are looked for."""
+STEPS_ONTO_SWITCH, BESIDE_SWITCH = 8, 1e-9
+"""Steps of Newton's method to one, and how near, in units of the ordinate and the interval, it comes to it."""
 CLOSER_LOOKS, PLACES_A_LOOK = 6, 129
 """Looks that narrow a crossing down, and places at each: to a part in 1e12 of an element."""
 
@@ -100,6 +104,36 @@ def crossings(
         signs[sure] = np.sign(values[sure]) if switch.jumps else signs[sure]
         found += _of_one(switch, x, values, signs, small * size, lambda at, k=k: arguments(at)[k])
     return sorted(found, key=lambda c: c.x)
+
+
+@derived
+def _onto(problem: Functional) -> ca.Function:
+    """Newton's step in y to each switch of ``on_curve`` that does not feel the slope: where it leads."""
+    s = problem.symbols
+    placed = [switch for switch in on_curve(problem) if not switch.depends_on(ca.vertcat(*s.slopes))]
+    steps = [ca.densify(s.y - (w.argument - w.levels[0]) / ca.gradient(w.argument, s.y)) for w in placed]
+    return ca.Function("onto", s.all, steps)
+
+
+def switching_ordinates(problem: Functional, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+    """Ordinates (m,) at which L of one function has a kink, and those just beside which it jumps, from y (m,)."""
+    s = problem.symbols
+    placed = [switch for switch in on_curve(problem) if not switch.depends_on(ca.vertcat(*s.slopes))]
+    if not placed or len(placed) > MOST_PLACED or any(problem.slides):
+        return []
+    numbers = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, problem.unknown_guesses)]
+    still = np.zeros((s.ddy.numel(), len(x)))
+    found: list[np.ndarray] = []
+    with np.errstate(all="ignore"):
+        for k, switch in enumerate(placed):
+            at, last = y, y
+            for _ in range(STEPS_ONTO_SWITCH):
+                at, last = np.asarray(_onto(problem).call([x[None], at[None], 0 * at[None], still, *numbers])[k])[0], at
+            unit = np.maximum(np.abs(at), np.ptp(x))
+            known = np.isfinite(at) & (np.abs(at - last) <= BESIDE_SWITCH * unit)
+            aside = (-2 * BESIDE_SWITCH, 2 * BESIDE_SWITCH) if switch.jumps else (0.0,)
+            found += [np.where(known, at + share * unit, y) for share in aside if known.any()]
+    return found
 
 
 def met_by(solution: Solution, small: float = ARGUMENT_ROUND_OFF) -> list[Crossing]:

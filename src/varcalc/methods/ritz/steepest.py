@@ -94,7 +94,7 @@ def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[C
     """The contacts with their ends nearer to where the curve sets out smoothly, but those that vanish.
 
     There a bound of the slope is one of the curve beside it, and one of the place moves as the curve does. Points at
-    which the curve is held are moved to where it has no corner.
+    which the curve is held are moved to where it goes through as it would by itself.
     """
     assert solution.curve is not None
     asked = {c.index: c.expression for c in form.conditions.pathwise}
@@ -104,7 +104,7 @@ def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[C
         before, after = contact.start - places[2 * k], places[2 * k + 3] - contact.end
         expression, level = asked[contact.index], contact.level
         if contact.start == contact.end:
-            ends.append((_uncornered(form, expression, contact.start, before, after, solution.curve),) * 2)
+            ends.append((_refracted(form, expression, contact.start, before, after, solution.curve),) * 2)
             continue
         if not ca.depends_on(expression, form.symbols.dy):
             expression, level = _pace(form, expression), 0.0
@@ -123,21 +123,29 @@ def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[C
     ]
 
 
-def _uncornered(
+def _refracted(
     form: Form, expression: ca.SX, x: float, before: float, after: float,
     curve: Callable[[np.ndarray, int], np.ndarray],
 ) -> float:  # fmt: skip
-    """Nearly where a curve that is held on a surface at x has no corner, with so much room before and after.
+    """Nearly where a curve that is held on a surface at x has the same energy on both sides, with so much room there.
 
-    To first order it goes straight to what it is held by next. An end of the interval stays.
+    On a surface that moves it is the energy as seen from that.
+
+    Then the functional is stationary in where it goes through (Weierstrass and Erdmann's second condition; Gelfand and
+    Fomin, "Calculus of Variations", sect. 15). To first order it goes straight to what it is held by next. An end of
+    the interval stays.
     """
     if before <= 0 or after <= 0:
         return x
-    pace = _along(form, _pace(form, expression))
-    room = np.array([-before, after])
+    s, room = form.symbols, np.array([-before, after])
+    momentum = ca.gradient(form.integrand, s.dy)
+    pace = s.dy + ca.gradient(expression, s.x) / ca.gradient(expression, s.y)
+    energy = _along(form, pace * momentum - form.integrand)
+    bend = _along(form, pace**2 * ca.gradient(momentum, s.dy))
     near, far = x + BESIDE_END * room, x + 2 * BESIDE_END * room
-    slopes = 2 * pace(near, curve(near, 0), curve(near, 1)) - pace(far, curve(far, 0), curve(far, 1))
-    step = -(slopes[1] - slopes[0]) / (slopes.mean() * (1 / before + 1 / after))
+    energies = 2 * energy(near, curve(near, 0), curve(near, 1)) - energy(far, curve(far, 0), curve(far, 1))
+    rate = float(bend(near, curve(near, 0), curve(near, 1)) @ (1 / np.abs(room)))
+    step = -(energies[1] - energies[0]) / rate if rate else math.inf
     return x + float(np.clip(step, -NEARER * before, NEARER * after)) if np.isfinite(step) else x
 
 
@@ -213,7 +221,7 @@ def _newton(
     x = end + BESIDE_END * room * np.array([1.0, 2.0])
     near, far = along(x, curve(x, 0), curve(x, 1)) - level
     rate = (far - near) / (x[1] - x[0])
-    step = (2 * near - far) / rate
+    step = (2 * near - far) / rate if rate else math.inf  # what does not change leads nowhere
     return float(np.clip(step, -abs(room) / 2, abs(room) / 2)) if np.isfinite(step) else 0.0
 
 
