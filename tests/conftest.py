@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +23,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--everything",
         action="store_true",
         help="meet every transformation of every reference by every method, not only by the ladder and a part by each",
+    )
+    parser.addoption(
+        "--pages",
+        type=Path,
+        metavar="FOLDER",
+        help="open every page of this folder in the browser, as `varcalc report --all -o FOLDER` has written it, not "
+        "only a few",
     )
 
 

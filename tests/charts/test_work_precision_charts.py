@@ -1,5 +1,7 @@
 """The pictures of speed against accuracy: what is drawn where, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,12 +70,27 @@ def test_convergence_by_itself_is_the_same_panel():
         convergence_picture([record()])
 
 
-def test_values_below_the_closed_form_are_hollow_and_what_never_rises_says_so():
+def test_values_better_than_the_closed_form_are_hollow_and_what_does_not_converge_says_so():
     naive = along_h([-0.1, -0.09, -0.089], claimed=None)
     (convergence, *_) = work_precision_picture([record(), *naive]).axes
     hollow = [line for line in convergence.get_lines() if line.get_markerfacecolor() == "white"]
     assert [tuple(p) for line in hollow for p in line.get_xydata()] == [(4, 0.1), (8, 0.09), (16, 0.089)]
-    assert [t.get_text() for t in convergence.texts] == ["below the minimum, and not converging to it"]
+    assert [t.get_text() for t in convergence.texts] == ["below the minimum,\nand not converging to it"]
+    greatest = [replace(r, sought="maximum") for r in naive]
+    (convergence, *_) = work_precision_picture([record(), *greatest]).axes
+    assert not [p for li in convergence.get_lines() if li.get_markerfacecolor() == "white" for p in li.get_xydata()]
+    assert not convergence.texts
+    above = [replace(r, value_error=-r.value_error) for r in greatest]
+    (convergence, *_) = work_precision_picture([record(), *above]).axes
+    assert [t.get_text() for t in convergence.texts] == ["above the maximum,\nand not converging to it"]
+
+
+def test_what_comes_nearer_without_an_order_is_not_said_to_stay():
+    degrees = [
+        record("Ritz", p, -(10.0**-p), knob=Knob.DEGREE, curve="p, one element", unknowns=p) for p in (1.0, 2.0, 3.0)
+    ]
+    (convergence, *_) = work_precision_picture(degrees).axes
+    assert not convergence.texts
 
 
 def test_a_curve_ends_at_its_first_point_at_round_off():

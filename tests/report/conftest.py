@@ -48,6 +48,13 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="package")
+def written(request):
+    """The folder named by --pages, or else the report of REPORTED."""
+    named = request.config.getoption("--pages")
+    return request.getfixturevalue("folder") if named is None else named.resolve(strict=True)
+
+
+@pytest.fixture(scope="package")
 def browser():
     """Chromium without a window; in CI its absence is a failure, elsewhere the reason of a skip."""
     if why := missing_browser():

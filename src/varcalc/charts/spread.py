@@ -17,7 +17,7 @@ from varcalc.charts.colours import INK, colours_by_label
 from varcalc.charts.panels import FLOOR, plain
 from varcalc.charts.work_precision import BRIEFEST, delivered_error, draw_claims, drawable, front, top_edge
 from varcalc.study.compare import EXACT_FLOOR
-from varcalc.study.records import Record, measured_order
+from varcalc.study.records import MAXIMUM, Record, measured_order
 from varcalc.study.routes import Knob
 
 SPREAD_WIDTH = 11.0
@@ -28,12 +28,15 @@ MARKERS = ("o", "s", "D", "v", "P", "X", "<", ">")
 """Those of the curves that options make, in the order in which they appear."""
 DEGREE_MARKER = "^"
 LADDER_LABEL = "ladder"
+TOO_GOOD = "better than the closed form"
 ERROR_LABEL = "relative error of the value"
 NARROW = (5.4, 5.2)
 """Of a picture of one panel, in inches."""
 BENEATH = 4.0
 """By how much wider the line of a second route of one kind is: it runs beneath that of the first."""
 PALE = 0.35
+STAYS = 0.75
+"""Of its first error: what a line keeps to its last that does not converge."""
 LABEL_OFFSET = np.array([0.035, 0.045])
 """Where an order is written: beside a point of its curve, at these shares of the extent of all points."""
 
@@ -78,7 +81,7 @@ def work_precision_picture(records: Sequence[Record], *, title: str = "Speed aga
     built. There every setting is a dot, the fastest way of each route to each
     accuracy is joined, and a solve that found no answer is a cross at the
     upper edge. Errors are relative to max(1, abs(value)), hollow where the
-    value lies below the closed form, dotted where double precision ends.
+    value is better than the closed form, dotted where double precision ends.
     Raises ValueError when there is nothing to draw, or errors are not known
     because there was no closed form.
     """
@@ -190,22 +193,23 @@ def _draw_convergence(panel: Axes, records: Sequence[Record], style: LineStyle) 
         points.append(at)
         if beneath:
             continue
-        below = np.array([(r.value_error or 0.0) < -EXACT_FLOOR * r.size for r in resolved])
-        _draw_points(panel, at, below, colour, style.markers[curve])
+        too_good = np.array([r.too_good for r in resolved])
+        _draw_points(panel, at, too_good, colour, style.markers[curve])
         order = measured_order(line)
         if order is not None:
             named.append((at[at[:, 1] > EXACT_FLOOR], order, colour))
-        elif below.all():
+        elif too_good.all() and len(at) > 1 and at[-1, 1] > STAYS * at[0, 1]:
+            side = "above" if line[-1].sought == MAXIMUM else "below"
             panel.annotate(
-                "below the minimum, and not converging to it", at[-1], (0, 7), color=colour,
+                f"{side} the {line[-1].sought},\nand not converging to it", at[-1], (0, 7), color=colour,
                 textcoords="offset points", ha="right", fontsize=9,
             )  # fmt: skip
     _name_orders(panel, np.vstack([_along(at) for at in points]) if points else np.empty((0, 2)), named)
 
 
-def _draw_points(panel: Axes, at: np.ndarray, below: np.ndarray, colour: str, marker: str) -> None:
-    """Markers, hollow where the value lies below the closed form."""
-    for chosen, face, edge in ((~below, colour, "white"), (below, "white", colour)):
+def _draw_points(panel: Axes, at: np.ndarray, hollow: np.ndarray, colour: str, marker: str) -> None:
+    """Markers, some of them ``hollow``."""
+    for chosen, face, edge in ((~hollow, colour, "white"), (hollow, "white", colour)):
         panel.plot(
             *at[chosen].T, marker, color=colour, markersize=5.5, markerfacecolor=face, markeredgecolor=edge,
             markeredgewidth=0.5 if edge == "white" else 1.3, zorder=3,
@@ -220,11 +224,13 @@ def _along(at: np.ndarray) -> np.ndarray:
 
 
 def _name_orders(panel: Axes, taken: np.ndarray, named: Sequence[tuple[np.ndarray, float, str]]) -> None:
-    """Each order beside its curve, at the point beside which there is most room."""
+    """Each order beside its curve, at the point beside which there is most room, and none beside the panel."""
     extent = np.ptp(taken, axis=0) if len(taken) else np.ones(2)
+    first, last = (taken[:, 0].min(), taken[:, 0].max()) if len(taken) else (-np.inf, np.inf)
     for at, order, colour in named:
         places = np.vstack([np.log10(at) + side * LABEL_OFFSET * extent for side in (1, -1)])
         room = np.linalg.norm((places[:, None] - taken) / extent, axis=-1).min(axis=1)
+        room[(places[:, 0] < first) | (places[:, 0] > last)] = -1.0
         best = int(np.argmax(room))
         taken = np.vstack([taken, places[best]])
         x, y = 10 ** places[best]
@@ -265,9 +271,7 @@ def _legend(figure: Figure, records: Sequence[Record], style: LineStyle) -> None
     ]
     marks += [
         Line2D([], [], color=INK, marker="o", markersize=5.5, linewidth=0, label="to a tolerance"),
-        Line2D(
-            [], [], color=INK, marker="o", markersize=5, linewidth=0, markerfacecolor="white", label="value too low"
-        ),
+        Line2D([], [], color=INK, marker="o", markersize=5, linewidth=0, markerfacecolor="white", label=TOO_GOOD),
     ]
     if not all(r.ok for r in records):
         marks.append(Line2D([], [], color=INK, marker="x", linewidth=0, markersize=6, label="no answer"))

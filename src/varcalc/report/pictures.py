@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 WIDTH = 4.8
 """Of a picture, in inches: narrow enough that its words can be read on a telephone."""
+TICKS = 6
+"""Intervals of a horizontal axis of that width, at most."""
 PIXELS = 116.0
 """Of an inch of a picture on a wide screen."""
 SKETCH = (120.0, 72.0)
@@ -24,10 +26,15 @@ SKETCH_POINTS = 240
 
 def picture(figure: Figure, alt: str, caption: str, *, height: float | None = None) -> Picture:
     """A figure at the width of a page's pictures, and a ``height`` in inches; ``alt`` says what is seen."""
+    from matplotlib.ticker import AutoLocator
+
     from varcalc.charts import themed_svg
 
     width, old = WIDTH, figure.get_size_inches()
     figure.set_size_inches(width, height or width * old[1] / old[0])
+    for panel in figure.axes:
+        if isinstance(panel.xaxis.get_major_locator(), AutoLocator):  # it takes its labels to be shorter than they are
+            panel.locator_params(axis="x", nbins=TICKS)
     drawn = themed_svg(figure, alt + caption)
     return Picture(drawn.svg, alt, caption, PIXELS * width, drawn.colours)
 

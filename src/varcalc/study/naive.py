@@ -40,6 +40,7 @@ def applies(problem: Functional) -> bool:
     plain = (
         isinstance(problem, Problem)
         and problem.order == 1
+        and not problem.maximise
         and not (problem.constraints or problem.unknowns or problem.breakpoints)
         and problem.end_cost is None
         and not np.isnan(_ordinates(problem)).any()

@@ -29,6 +29,7 @@ FORMAT = 1
 """Number of the layout of a stored file."""
 ANSWERED = tuple(s.words for s in Status if s.ok)
 """The statuses of answers that stand, as records hold them."""
+MINIMUM, MAXIMUM = "minimum", "maximum"
 FEWEST_POINTS = 3
 """Points through which a slope is drawn, at the least."""
 MOST_SAID = 200
@@ -54,7 +55,8 @@ class Record(Shown):
     minus closed form, ``curve_error`` the largest distance from the exact
     curve at equal abscissae; both are absolute, as is ``claimed_error``, and
     ``size`` is what a tolerance is relative to, max(1, abs(value)). What is
-    not known is None. ``reason`` says why there is no answer.
+    not known is None. ``reason`` says why there is no answer, ``sought``
+    whether the value is to be a minimum or a maximum.
     """
 
     problem: str
@@ -74,6 +76,7 @@ class Record(Shown):
     knob: str = Knob.TOLERANCE
     curve: str = ""
     route: str = ""
+    sought: str = MINIMUM
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "route", self.route or self.method)
@@ -89,6 +92,12 @@ class Record(Shown):
         if self.knob == Knob.ELEMENT:
             return f"h = 1/{1 / self.setting:.0f}"
         return f"{self.knob} = {self.setting:.0f}" if self.knob == Knob.DEGREE else f"{self.knob} = {self.setting:.0e}"
+
+    @property
+    def too_good(self) -> bool:
+        """True for a value on the side of the closed form where no curve's is, by more than round-off."""
+        gain = (self.value_error or 0.0) * (1 if self.sought == MAXIMUM else -1)
+        return gain > EXACT_FLOOR * self.size
 
     @property
     def astray(self) -> bool:
@@ -178,6 +187,8 @@ def _record(place: str, row: Any) -> Record:
             raise ValueError(f"{place}: {shorten(str(error), MOST_SAID)}") from error
     if not (row["setting"] > 0 and row.get("size", 1.0) > 0 and row.get("knob", Knob.TOLERANCE) in [*Knob]):
         raise ValueError(f"{place}: setting and size must be positive, and knob one of {', '.join(Knob)}")
+    if row.get("sought", MINIMUM) not in {MINIMUM, MAXIMUM}:
+        raise ValueError(f"{place}: sought must be {MINIMUM} or {MAXIMUM}")
     counts: dict[str, Any] = {name: int(row[name]) for name in ("unknowns", "iterations") if row.get(name) is not None}
     return Record(**row | counts)
 

@@ -21,7 +21,7 @@ from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
 from varcalc.study import naive
 from varcalc.study.compare import cold
-from varcalc.study.records import Record, WorkPrecision, about
+from varcalc.study.records import MAXIMUM, MINIMUM, Record, WorkPrecision, about
 from varcalc.study.reference import Exact, Reference, as_exact
 from varcalc.study.routes import Knob, Route
 from varcalc.tables import known
@@ -169,6 +169,7 @@ def _line(
     One solve at the last of them is not counted: it loads plug-ins and fills tables. Once the points took ``within``
     seconds the rest are left out.
     """
+    points = [replace(point, sought=MAXIMUM if reference.problem.maximise else MINIMUM) for point in points]
     reason = reference.inapplicable.get(type(asked(points[-1])[0]))
     if reason is not None:
         return [replace(point, status="not applicable", reason=reason) for point in points]
