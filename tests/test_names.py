@@ -12,7 +12,9 @@ PACKAGE = Path(vc.__file__).parent
 
 @cache
 def modules():
-    paths = sorted(PACKAGE.rglob("*.py"))
+    """Those of the package; the reference problems, which a wheel holds within it, have names of their own."""
+    problems = PACKAGE / "problems"
+    paths = sorted(path for path in PACKAGE.rglob("*.py") if not path.is_relative_to(problems))
     return [(str(path.relative_to(PACKAGE)), ast.parse(path.read_text(encoding="utf-8"))) for path in paths]
 
 
