@@ -1,12 +1,15 @@
 """Slopes at their bounds along stretches, against closed forms."""
 
 import math
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
 
 import varcalc as vc
+from varcalc.methods.ritz import method
+from varcalc.methods.ritz.steepest import steepest
 
 
 @pytest.mark.parametrize("height", [0.3, 1.0, 1.4])
@@ -74,3 +77,23 @@ def test_a_stretch_that_only_seems_to_be_one_is_left_out():
     free = -(cut - math.sin(2 * cut) / 2) / 2
     held = bound**2 / 2 * (math.pi - 2 * cut) - 2 * bound * math.cos(cut)
     assert found.value == pytest.approx(-math.pi / 4 + free + held, abs=1e-9)
+
+
+def test_a_closer_look_that_finds_no_curve_has_no_contacts(monkeypatch):
+    """As under v >= 0 where no minimum exists; the method then goes its own way, as where no contact counts."""
+    run = method._Climb.run
+
+    def without(climb, guess):
+        found = run(climb, guess)
+        return replace(found, curve=None) if climb.tol == method.ROUGHLY else found
+
+    monkeypatch.setattr(method._Climb, "run", without)
+    monkeypatch.setattr(method, "UNSEEN", 0.0)
+    monkeypatch.setattr(method, "steepest", lambda form, coarse: steepest(form, coarse) and [])
+    bound = vc.Bound(lambda x, y, v: v, upper=1.0)
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + 2 * y, vc.Fixed(0, 0), vc.Fixed(2, 1), [bound])
+    c = 1.0  # as in a fall that may not be faster: the slope is 1 - 2 (1 - x) up to c
+    found = vc.solve(problem, vc.Ritz(), tol=1e-7)
+    falling = np.polynomial.Polynomial([-1.0, 2.0])
+    value = (falling**2 / 2 + 2 * falling.integ()).integ()(c) + 0.5 * c + 2 * (0.0 * c + c**2 / 2)
+    assert found.value == pytest.approx(value, abs=1e-5)

@@ -183,8 +183,8 @@ class Ritz(Brief):
             return None
         solution = self._held(form, first, started, tol)
         if solution is None and first.error.value > UNSEEN * abs(first.value):  # what is touched is narrower than that
-            first = tried(self, ROUGHLY)
-            solution = self._held(form, first, started, tol)
+            closer = tried(self, ROUGHLY)
+            solution = None if closer.curve is None else self._held(form, closer, started, tol)
         return solution
 
     def _held(self, form: Form, first: Solution, started: float, tol: float) -> Solution | None:
