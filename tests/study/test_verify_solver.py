@@ -12,7 +12,7 @@ import pytest
 
 import varcalc as vc
 from varcalc.study.plain import PlainProblem
-from varcalc.study.reference import Exact, load
+from varcalc.study.reference import Exact, catalogue, load
 from varcalc.study.verify_solver import Outcome, judged
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "verify_your_solver.md"
@@ -68,6 +68,18 @@ def test_what_is_no_answer_is_told_in_a_sentence(answer, words):
     row = judged(lambda problem: answer, CYLINDER)
     assert row.outcome is Outcome.REFUSED
     assert words in row.message
+
+
+def test_without_a_choice_it_is_the_whole_catalogue():
+    report = vc.verify_solver(lambda problem: None)
+    known = [reference.name for name in catalogue() for reference in load(name) if reference.exact is not None]
+    assert [row.problem for row in report.rows] == known
+    assert len(known) > 80
+
+
+def test_an_answer_that_is_no_number_says_so():
+    row = judged(lambda problem: math.nan, CYLINDER)
+    assert (row.outcome, row.message) == (Outcome.FALSELY_RIGHT, "no number; where there is no answer, return None")
 
 
 def test_a_curve_of_another_shape_is_told_with_the_shape_that_is_meant():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from enum import Enum
@@ -21,6 +22,7 @@ from varcalc.tables import shown, table
 if TYPE_CHECKING:
     import pandas as pd
 
+NO_NUMBER = "no number; where there is no answer, return None"
 COMPARED = 33
 """Places at which a curve is held against the closed form."""
 UNCLAIMED = 8 * np.finfo(float).eps
@@ -191,7 +193,7 @@ def verify_solver(
         raise ValueError(f"tolerance must be a number between 0 and 1, not {told(tolerance)}")
     whole("digits", digits, 0)
     _check_solver(solver)
-    references = _references(catalogue() if problems is None else problems)
+    references = _references(tuple(catalogue()) if problems is None else problems)
     bare = next((r.name for r in references if r.exact is None), None)
     if bare is not None:
         raise ValueError(f"{bare} has no closed form to hold a solver against; leave it out")
@@ -248,7 +250,8 @@ def judged(solver: Solver, reference: Reference, tolerance: float = 1e-6, digits
         return SolverRow(reference.name, Outcome.REFUSED, message=f"{type(error).__name__}: {error}")
     claim = None if answer.error is None else float(answer.error)
     outcome = _outcome(off, apart, claim, tolerance, size_of(exact.value), round_off=0.0 if digits else UNCLAIMED)
-    return SolverRow(reference.name, outcome, float(answer.value), off, apart, claim, answer.message)
+    message = answer.message or (NO_NUMBER if math.isnan(off) else "")
+    return SolverRow(reference.name, outcome, float(answer.value), off, apart, claim, message)
 
 
 def _outcome(
