@@ -29,7 +29,7 @@ y, v = ca.SX.sym("y"), ca.SX.sym("v")
     ],
 )
 def test_a_switch_joins_smoothly_where_both_sides_have_one_gradient(expression, smooth):
-    found = [joined([expression], [y, v], switch) for switch in switches([expression], [y, v])]
+    found = joined([expression], [y, v], switches([expression], [y, v]))
     assert [switch.smooth for switch in found] == [smooth] * len(found)
     assert found
     assert not any(switch.jumps for switch in found)
@@ -37,7 +37,7 @@ def test_a_switch_joins_smoothly_where_both_sides_have_one_gradient(expression, 
 
 def test_branches_that_agree_in_value_alone_are_not_smooth():
     expression = ca.if_else(y > 0, y, -2 * y)
-    (switch,) = (joined([expression], [y, v], s) for s in switches([expression], [y, v]))
+    (switch,) = joined([expression], [y, v], switches([expression], [y, v]))
     assert not switch.smooth
 
 
@@ -52,6 +52,6 @@ def test_branches_that_agree_in_value_alone_are_not_smooth():
     ],
 )
 def test_branches_that_agree_in_parts_of_the_switch_alone_jump(expression):
-    found = [joined([expression], [y, v], switch) for switch in switches([expression], [y, v])]
+    found = joined([expression], [y, v], switches([expression], [y, v]))
     assert any(switch.jumps for switch in found)
     assert not any(switch.jumps and switch.smooth for switch in found)

@@ -17,6 +17,8 @@ def read(expression):
 def test_every_operation_that_switches_is_read_with_what_it_switches_on():
     assert read(ca.fabs(V) + V**2) == {("fabs", "v", False)}
     assert read(ca.if_else(Y > 0.4, 1.5, 1) * ca.sqrt(1 + V**2)) == {("<", "(0.4-y)", True)}
+    assert read(ca.fabs(ca.sqrt(Y - 5)) + ca.fmax(ca.sqrt(Y - 5), 0)) == {("fmax", "sqrt((y-5))", False)}
+    assert read(ca.fabs(X - Y) + ca.sign(Y - X)) == {("sign", "(y-x)", True)}
     assert read(ca.fmax(Y, 0.5) + ca.sign(X - Y)) == {("fmax", "(y-0.5)", False), ("sign", "(x-y)", True)}
     assert read(ca.if_else(ca.logic_and(X > 0.25, X < 0.75), 1, 2) * V) == {
         ("<", "(0.25-x)", True), ("<", "(x-0.75)", True),

@@ -132,7 +132,7 @@ def _kinks(form: Form) -> _Kinks | None:
     asked += [] if form.ends.joint is None else [form.ends.joint.cost, form.ends.joint.equations]
     moving = ca.vertcat(symbols.y, symbols.dy, symbols.ddy)
     every = (w for w in switches([form.integrand], symbols.all) if w.depends_on(moving))
-    found = [w for w in (joined([form.integrand], symbols.all, switch) for switch in every) if not w.smooth]
+    found = [w for w in joined([form.integrand], symbols.all, every) if not w.smooth]
     everything = [*symbols.all, *([] if form.ends.joint is None else form.ends.joint.places)]
     if len(found) > MOST_KINKS or any(w.jumps or w.stepped for w in found) or switches(asked, everything):
         return None

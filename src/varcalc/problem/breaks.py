@@ -78,8 +78,7 @@ def along_x(problem: Functional, switch: Switch) -> bool:
 def on_curve(problem: Functional) -> tuple[Switch, ...]:
     """The switches that are a matter of where the curve goes; with an end that slides all are."""
     here = [s for s in switches_of(problem) if any(problem.slides) or not along_x(problem, s)]
-    stated, symbols = _expressions(problem), problem.symbols.all
-    return tuple(joined(stated, symbols, s) for s in here)
+    return joined(_expressions(problem), problem.symbols.all, here) if here else ()
 
 
 @derived
@@ -89,7 +88,7 @@ def kinks_at_ends(problem: Functional) -> tuple[Switch, ...]:
         return ()
     ends, cost = problem.end_cost_expression
     symbols = [*ends, problem.symbols.parameters, problem.symbols.unknowns]
-    found = (joined([cost], symbols, switch) for switch in switches([cost], symbols))
+    found = joined([cost], symbols, switches([cost], symbols))
     return tuple(switch for switch in found if not switch.smooth)
 
 

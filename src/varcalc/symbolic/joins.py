@@ -8,14 +8,15 @@ each other on that surface: where their difference and its gradient vanish there
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import casadi as ca
 import numpy as np
 
 from varcalc.symbolic.instructions import interpret, operate
-from varcalc.symbolic.switches import CONTINUOUS, Switch, alike, arguments, switches
+from varcalc.symbolic.switches import CONTINUOUS, Switch, arguments, likeness, switches, switching
 from varcalc.symbolic.tracing import Expression
 
 STARTS = np.modf(np.outer(np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0]), np.arange(1.0, 40.0)))[0] * 2 - 0.7
@@ -42,21 +43,75 @@ SIDES: dict[int, Callable[..., Expression]] = {
 """What an operation that switches is, where ``below`` is 1 on the negative side of its argument and 0 on the other."""
 
 
-def joined(expressions: Sequence[Expression], symbols: Sequence[Expression], switch: Switch) -> Switch:
-    """The switch of SX ``expressions`` of ``symbols``, told to be smooth where both sides agree in value and gradient.
+def joined(
+    expressions: Sequence[Expression], symbols: Sequence[Expression], found: Iterable[Switch]
+) -> tuple[Switch, ...]:
+    """Switches of SX ``expressions`` of ``symbols``, told to be smooth where both sides agree in value and gradient.
 
     Branches that agree in value alone count as a jump: nothing else tells which way their kink points.
     """
-    variables = ca.vertcat(*(ca.vec(s) for s in symbols))
+    stated = _Stated(tuple(expressions), tuple(symbols))
+    return tuple(_joined(stated, switch) for switch in found)
+
+
+@dataclass(frozen=True)
+class _Stated:
+    """SX ``expressions`` of ``symbols``, read once for all their switches."""
+
+    expressions: tuple[Expression, ...]
+    symbols: tuple[Expression, ...]
+
+    @cached_property
+    def variables(self) -> Expression:
+        """All symbols in one column."""
+        return ca.vertcat(*(ca.vec(s) for s in self.symbols))
+
+    @cached_property
+    def arguments(self) -> list[Expression]:
+        """What the operations that switch do so by, as they are carried out."""
+        return [argument for _, argument in switching(self.expressions, self.symbols)]
+
+    @cached_property
+    def jumping(self) -> list[Switch]:
+        """The switches that jump."""
+        return [switch for switch in switches(self.expressions, self.symbols) if switch.jumps]
+
+    @cached_property
+    def _function(self) -> ca.Function:
+        return ca.Function("read", list(self.symbols), list(self.expressions))
+
+    def rewritten(
+        self, sides: Sequence[Switch], replaced: Callable[[int, Sequence[Expression], np.ndarray], Expression | None]
+    ) -> Expression:
+        """All in one column, with what ``replaced`` gives in place of operations that switch, where that is not None.
+
+        It is told the operation, its operands and which of the switches it is (see
+        :func:`varcalc.symbolic.switches.likeness`).
+        """
+        turns = iter(likeness(self.arguments, [switch.argument for switch in sides], self.variables))
+
+        def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+            for turn in [next(turns) for _ in arguments(operation, operands)]:
+                if turn.any() and (other := replaced(operation, operands, turn)) is not None:
+                    return other
+            return operate(operation, operands)
+
+        given = [s.nonzeros() if s.numel() else [] for s in self.symbols]
+        results = interpret(self._function, given, ca.SX, applied)
+        return ca.densify(ca.vertcat(*(e for result in results for e in result)))
+
+
+def _joined(stated: _Stated, switch: Switch) -> Switch:
+    variables = stated.variables
     if switch.stepped or variables.numel() > STARTS.shape[1]:
         return switch
     if not switch.jumps:
-        return replace(switch, smooth=_size_unfelt(expressions, symbols, variables, switch))
-    beside = _beside(expressions, symbols, variables, switch)
+        return replace(switch, smooth=_size_unfelt(stated, switch))
+    beside = _beside(stated, switch)
     if len(beside) > MOST_BESIDE:
         return switch
     sides = [list(zip(beside, held, strict=True)) for held in product((0, 1), repeat=len(beside))]
-    above, below = ([_branch(expressions, symbols, [(switch, side), *held]) for held in sides] for side in (0, 1))
+    above, below = ([_branch(stated, [(switch, side), *held]) for held in sides] for side in (0, 1))
     if any(branch is None for branch in (*above, *below)):
         return switch
     difference = ca.vertcat(*above) - ca.vertcat(*below)
@@ -65,11 +120,11 @@ def joined(expressions: Sequence[Expression], symbols: Sequence[Expression], swi
     return replace(switch, jumps=not smooth, smooth=smooth)
 
 
-def _beside(
-    expressions: Sequence[Expression], symbols: Sequence[Expression], variables: Expression, switch: Switch
-) -> list[Switch]:
+def _beside(stated: _Stated, switch: Switch) -> list[Switch]:
     """What else jumps, and not on one side all over a switch: branches might agree there in parts of it alone."""
-    others = [o for o in switches(expressions, symbols) if o.jumps and not alike(o.argument, switch.argument)]
+    variables, others = stated.variables, stated.jumping
+    same = likeness([o.argument for o in others], [switch.argument], variables)
+    others = [other for other, itself in zip(others, same[:, 0], strict=True) if not itself]
     points = _points_on(switch, variables, STARTS)
     if not (others and points):
         return others
@@ -78,24 +133,21 @@ def _beside(
     return [other for other, known in zip(others, steady, strict=True) if not known]
 
 
-def _branch(
-    expressions: Sequence[Expression], symbols: Sequence[Expression], sides: Sequence[tuple[Switch, int]]
-) -> Expression | None:
+def _branch(stated: _Stated, sides: Sequence[tuple[Switch, int]]) -> Expression | None:
     """The expressions with each switch held on a side, 1 where its argument is negative; None where it has no two."""
     two_sided = True
 
-    def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+    def on_side(operation: int, operands: Sequence[Expression], turn: np.ndarray) -> Expression:
         nonlocal two_sided
-        for argument in arguments(operation, operands):
-            for switch, side in sides:
-                if turned := alike(argument, switch.argument):
-                    two_sided = two_sided and operation in SIDES
-                    return SIDES[operation](*operands, side if turned > 0 else 1 - side) if two_sided else operands[0]
-        return operate(operation, operands)
+        two_sided = two_sided and operation in SIDES
+        if not two_sided:
+            return operands[0]
+        which = int(np.flatnonzero(turn)[0])
+        side = sides[which][1]
+        return SIDES[operation](*operands, side if turn[which] > 0 else 1 - side)
 
-    function = ca.Function("read", list(symbols), list(expressions))
-    results = interpret(function, [s.nonzeros() if s.numel() else [] for s in symbols], ca.SX, applied)
-    return ca.densify(ca.vertcat(*(e for result in results for e in result))) if two_sided else None
+    branch = stated.rewritten([switch for switch, _ in sides], on_side)
+    return branch if two_sided else None
 
 
 def _none(rows: Expression, variables: Expression, switch: Switch) -> bool:
@@ -118,22 +170,18 @@ def _at(rows: Sequence[Expression], variables: Expression, points: Iterable[np.n
     return [np.asarray(function(point[: variables.numel()])).ravel() for point in points]
 
 
-def _size_unfelt(
-    expressions: Sequence[Expression], symbols: Sequence[Expression], variables: Expression, switch: Switch
-) -> bool:
-    """Whether SX ``expressions`` of ``symbols`` have the same gradient on either side of a switch that is a kink."""
-    size = ca.SX.sym("size")
-    function = ca.Function("read", list(symbols), list(expressions))
+def _size_unfelt(stated: _Stated, switch: Switch) -> bool:
+    """Whether expressions have the same gradient on either side of a switch that is a kink."""
+    size, variables = ca.SX.sym("size"), stated.variables
 
-    def applied(operation: int, operands: Sequence[Expression]) -> Expression:
-        if operation in CONTINUOUS and alike(arguments(operation, operands)[0], switch.argument):
-            a, b = operands[0], operands[-1]
-            return {ca.OP_FABS: size, ca.OP_FMAX: 0.5 * (a + b + size), ca.OP_FMIN: 0.5 * (a + b - size)}[operation]
-        return operate(operation, operands)
+    def sized(operation: int, operands: Sequence[Expression], _: np.ndarray) -> Expression | None:
+        if operation not in CONTINUOUS:
+            return None
+        a, b = operands[0], operands[-1]
+        return {ca.OP_FABS: size, ca.OP_FMAX: 0.5 * (a + b + size), ca.OP_FMIN: 0.5 * (a + b - size)}[operation]
 
-    results = interpret(function, [s.nonzeros() if s.numel() else [] for s in symbols], ca.SX, applied)
-    stated = ca.vertcat(*(e for result in results for e in result))
-    felt = ca.Function("felt", [variables, size], [ca.densify(ca.jacobian(stated, size))])
+    written = stated.rewritten([switch], sized)
+    felt = ca.Function("felt", [variables, size], [ca.densify(ca.jacobian(written, size))])
     found = _points_on(switch, variables, STARTS)
     ratios = [_felt(felt, there, 0.0) / max(_felt(felt, there, 1.0), 1e-300) for there in found]
     known = [ratio for ratio in ratios if np.isfinite(ratio)]

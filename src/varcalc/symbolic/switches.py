@@ -71,16 +71,33 @@ def switches(expressions: Sequence[Expression], symbols: Sequence[Expression]) -
     """
     if not all(isinstance(e, ca.SX) for e in expressions):
         return ()
+    read = [(operation, argument) for operation, argument in switching(expressions, symbols)
+            if not argument.is_constant()]  # fmt: skip
+    every = [argument for _, argument in read]
+    same = likeness(every, every, ca.vertcat(*(ca.vec(s) for s in symbols)))
+    stepped = np.array([operation in STEPPED for operation, _ in read], dtype=bool)
+    same[stepped[:, None] != stepped] = 0
+    found: dict[int, Switch] = {}
+    for number, (operation, argument) in enumerate(read):
+        name = NAMES[operation]
+        switch = Switch(argument, WORDS.get(name, name), operation not in CONTINUOUS, bool(stepped[number]))
+        known = next((k for k in found if same[k, number]), number)
+        if known not in found or (switch.jumps and not found[known].jumps):
+            found[known] = switch
+    return tuple(found.values())
+
+
+def switching(expressions: Sequence[Expression], symbols: Sequence[Expression]) -> list[tuple[int, Expression]]:
+    """The operations of SX ``expressions`` that switch, as they are carried out, each with what it switches by."""
     function = ca.Function("read", list(symbols), list(expressions))
-    found: list[Switch] = []
+    found: list[tuple[int, Expression]] = []
 
     def applied(operation: int, operands: Sequence[Expression]) -> Expression:
-        for argument in arguments(operation, operands):
-            _noted(found, operation, argument)
+        found.extend((operation, argument) for argument in arguments(operation, operands))
         return operate(operation, operands)
 
     interpret(function, [s.nonzeros() if s.numel() else [] for s in symbols], ca.SX, applied)
-    return tuple(found)
+    return found
 
 
 def tables(expression: Expression, symbols: Expression) -> tuple[Switch, ...]:
@@ -117,31 +134,28 @@ def arguments(operation: int, operands: Sequence[Expression]) -> tuple[Expressio
     return (a,) if operation in SWITCHING else ()
 
 
-def _noted(found: list[Switch], operation: int, argument: Expression) -> None:
-    if argument.is_constant():
-        return
-    name, stepped = NAMES[operation], operation in STEPPED
-    switch = Switch(argument, WORDS.get(name, name), operation not in CONTINUOUS, stepped)
-    same = (k for k, s in enumerate(found) if s.stepped == stepped and alike(s.argument, argument))
-    known = next(same, None)
-    if known is None:
-        found.append(switch)
-    elif switch.jumps and not found[known].jumps:
-        found[known] = switch
-
-
 def alike(a: Expression, b: Expression) -> int:
     """1 where two arguments are the same at every point tried, -1 where one is minus the other, 0 where neither."""
-    if ca.is_equal(a, b, 8):
-        return 1
-    symbols = ca.symvar(ca.vertcat(a, b))
-    points = np.modf(np.outer(np.sqrt([2.0, 3.0, 5.0]), 1.0 + np.arange(len(symbols))))[0]
-    pairs = ca.Function("pair", [ca.vertcat(*symbols)], [a, b])
-    found = [[float(v) for v in pairs(point)] for point in points]
-    same = (
-        sign for sign in (1, -1) if all(abs(p - sign * q) <= SWITCH_ROUND_OFF * (abs(p) + abs(q)) for p, q in found)
-    )
-    return next(same, 0)
+    return int(likeness([a], [b], ca.vertcat(*ca.symvar(ca.vertcat(a, b))))[0, 0])
+
+
+def likeness(some: Sequence[Expression], others: Sequence[Expression], symbols: Expression) -> np.ndarray:
+    """What :func:`alike` says of each of ``some`` and each of ``others``, arguments of a column of ``symbols``.
+
+    Every argument is evaluated once: there are as many as a table has knots.
+    """
+    if not (some and others):
+        return np.zeros((len(some), len(others)), dtype=int)
+    points = np.modf(np.outer(np.sqrt([2.0, 3.0, 5.0]), 1.0 + np.arange(symbols.numel())))[0]
+    function = ca.Function("arguments", [symbols], [ca.densify(ca.vertcat(*some, *others))])
+    values = np.column_stack([np.asarray(function(point)).ravel() for point in points])
+    a, b = values[: len(some), None], values[None, len(some) :]
+    with np.errstate(all="ignore"):
+        room = SWITCH_ROUND_OFF * (np.abs(a) + np.abs(b))
+        same, opposite = (np.all(np.abs(a - sign * b) <= room, axis=-1) for sign in (1, -1))
+    for i, k in zip(*np.nonzero(np.any(np.isnan(a) & np.isnan(b), axis=-1)), strict=True):  # numbers do not tell
+        same[i, k] = ca.is_equal(some[i], others[k], 8)
+    return np.where(same, 1, np.where(opposite, -1, 0))
 
 
 def held(
