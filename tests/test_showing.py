@@ -342,3 +342,9 @@ def test_places_of_rest_and_small_motions_print_what_is_asked_of_them():
     assert "unresolved" not in printed
     assert "0.540302+0.841471j" in str(pendulum.floquet([0.0], 1.0))  # exp(i)
     assert repr(vc.Fixed(0, np.array(1))) == "Fixed(x=0, y=1, dy=None)"
+
+
+def test_coordinates_that_are_not_named_are_counted():
+    chain = mechanics.System(lambda t, q, v: ca.sumsqr(v) / 2 - ca.sumsqr(q) / 2, tuple("abcdef"))
+    printed = str(chain.motion([1.0] * 6, [0.0] * 6, (0, 1)))
+    assert printed.startswith("A motion of a, b, c, d and 2 more from t = 0 to 1")

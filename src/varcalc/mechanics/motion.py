@@ -88,7 +88,10 @@ class Motion(Plotted):
 
     def _headline(self) -> str:
         first, last = self.span
-        names = ", ".join(axis.name for axis in self.axes[1:MOST_NAMES])
+        coordinates = self.axes[1:]
+        names = ", ".join(axis.name for axis in coordinates[:MOST_NAMES])
+        if len(coordinates) > MOST_NAMES:
+            names += f" and {len(coordinates) - MOST_NAMES} more"
         ends = measured(f"{self._time.name} = {first:g} to {last:g}", self._time.unit)
         return f"A motion{' of ' + names if names else ''} from {ends}"
 
