@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.integrators.dop853 import Dop853
+from varcalc.integrators.dop853 import FEW_RUNS, Dop853
 from varcalc.integrators.nystrom import Nystrom
 from varcalc.integrators.protocol import NONE, STOPPED
 from varcalc.integrators.stops import Interpolant, Stops
@@ -99,3 +99,20 @@ def test_a_stop_is_looked_for_no_longer_than_round_off_lets_it_be(monkeypatch):
     landed = Dop853(1e-14).compile(OSCILLATOR, wall).ensemble(np.tile([1.0, 0.0], (500, 1)), omega[:, None], until=20.0)
     assert np.abs(landed.reached - np.pi / 2 / omega).max() < 1e-11
     assert len(asked) < 3 * landed.rounds
+
+
+def test_few_runs_take_the_steps_of_many():
+    """One function a step, and stages of all runs at once, are the same method: as many steps, the same states."""
+    omega = np.linspace(0.5, 2.0, 2 * FEW_RUNS)
+    starts = np.tile([1.0, 0.0], (len(omega), 1))
+    flow = Dop853(1e-12).compile(TURNING, HEIGHT)
+    for engine in (Dop853(1e-12).compile(TURNING), flow):
+        many = engine.ensemble(starts, omega[:, None], until=7.0, dense=engine is not flow)
+        few = engine.ensemble(starts[:FEW_RUNS], omega[:FEW_RUNS, None], until=7.0, dense=engine is not flow)
+        np.testing.assert_array_equal(few.steps, many.steps[:FEW_RUNS])
+        np.testing.assert_allclose(few.states, many.states[:FEW_RUNS], rtol=0, atol=1e-13)
+        np.testing.assert_allclose(few.reached, many.reached[:FEW_RUNS], rtol=0, atol=1e-13)
+    dense = Dop853(1e-12).compile(TURNING).ensemble(starts[:1], omega[:1, None], until=7.0, dense=True).dense[0]
+    times = np.linspace(0.0, 7.0, 101)
+    exact = np.stack([np.cos(omega[0] * times), -np.sin(omega[0] * times)], axis=1)
+    np.testing.assert_allclose(dense(times), exact, rtol=0, atol=1e-10)

@@ -10,9 +10,9 @@ from __future__ import annotations
 import importlib.util
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Literal
 
 import casadi as ca
@@ -24,6 +24,7 @@ from varcalc.integrators.side_by_side import Runs, combined
 from varcalc.integrators.stops import Interpolant, Stops
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.tracing import Expression
 
 REFINEMENT = 100.0
 """By how much the tolerance of each level is the smaller one."""
@@ -35,6 +36,10 @@ TOGETHER = 8192
 """Runs that take their steps together."""
 NOTED = 2000
 """So many runs at a time would be worth the compilation by heyoka: its absence is told."""
+FEW_RUNS = 12
+"""Runs that go by one function a step, at most: of more, stages of all of them at once take less."""
+LONG = 1000
+"""Instructions of a system, of which each stage takes longer than the calls that a written step spares."""
 KEPT_AT = (2, 1, 0)
 """Which of the first three slopes is kept first, second and third: those that few stages need come before others."""
 
@@ -197,15 +202,115 @@ class DormandPrince:
     """The method of order 8 for one system; see :class:`varcalc.integrators.side_by_side.EmbeddedMethod`."""
 
     rates: PointEvaluator
-    spare: dict[int, DormandPrinceStepper] = field(default_factory=dict, repr=False, compare=False)
+    spare: dict[int, DormandPrinceStepper | WrittenStepper] = field(default_factory=dict, repr=False, compare=False)
     power, safety, least = 8.0, 0.9, SMALLEST
 
     def __reduce__(self) -> tuple[Any, ...]:
         return DormandPrince, (self.rates,)
 
-    def room(self, m: int) -> DormandPrinceStepper:
+    def room(self, m: int) -> DormandPrinceStepper | WrittenStepper:
         """See :meth:`varcalc.integrators.side_by_side.EmbeddedMethod.room`."""
-        return self.spare.pop(m, None) or DormandPrinceStepper(self.rates, m)
+        kept = self.spare.pop(m, None)
+        if kept is not None:
+            return kept
+        if m <= FEW_RUNS and (written := self._written) is not None:
+            return WrittenStepper(self.rates, *written, m)
+        return DormandPrinceStepper(self.rates, m)
+
+    @cached_property
+    def _written(self) -> tuple[PointEvaluator, PointEvaluator] | None:
+        system = self.rates.function
+        if not system.is_a("SXFunction") or system.n_instructions() > LONG:
+            return None
+        return _written_step(system)
+
+
+def _written_step(system: ca.Function) -> tuple[PointEvaluator, PointEvaluator]:
+    """A step as a function of its beginning, and of that and its result the coefficients of its interpolant.
+
+    The step gives state and slope at its end, both parts of its error, and its stages; each is one column.
+    """
+    stages, places, errors, extra, extra_places, within = _tables()
+    size = system.numel_in(1)
+    time, end = ca.SX.sym("t"), ca.SX.sym("e")
+    state, slope, constants = (ca.SX.sym(name, system.numel_in(k)) for name, k in (("Y", 1), ("f", 1), ("c", 2)))
+    h = end - time
+
+    def weighted(weights: np.ndarray, slopes: Mapping[int, Expression]) -> Expression:
+        return sum((float(w) * slopes[j] for j, w in enumerate(weights) if w), ca.SX.zeros(size))
+
+    k: dict[int, Expression] = {KEPT_AT[0]: h * slope}
+    there, rate = state, slope
+    for s in range(1, len(stages)):
+        there = state + weighted(stages[s], k)
+        rate = ca.densify(system(end if s == len(stages) - 1 else time + places[s] * h, there, constants))
+        k[KEPT_AT[s] if s < len(KEPT_AT) else s] = h * rate
+    result = ca.vertcat(there, rate, *(weighted(row, k) for row in errors), *(k[j] for j in sorted(k)))
+    begun = [time, end, state, slope, constants]
+    step = ca.Function("step", begun, [ca.densify(result)])
+
+    known = ca.SX.sym("known", result.numel())
+    new, following, _, _, *given = ca.vertsplit(known, size)
+    k = dict(enumerate(given))
+    for row, place in zip(extra, extra_places, strict=True):
+        k[len(k)] = h * ca.densify(system(time + place * h, state + weighted(row, k), constants))
+    rise, first = new - state, k[KEPT_AT[0]]
+    shape = ca.vertcat(
+        rise, first - rise, 2 * rise - (h * following + first), *(weighted(row, k) for row in within)
+    )  # fmt: skip
+    return PointEvaluator(step), PointEvaluator(ca.Function("between", [*begun, known], [ca.densify(shape)]))
+
+
+class WrittenStepper:
+    """The same as :class:`DormandPrinceStepper` for few runs: one call of one function a step.
+
+    Of one run, calls of NumPy for each stage take ten times as long as its numbers do.
+    """
+
+    order: Literal["C", "F"] = "C"
+
+    def __init__(self, rates: PointEvaluator, step: PointEvaluator, between: PointEvaluator, m: int) -> None:
+        system = rates.function
+        self.size, self.evaluator = system.numel_in(1), rates
+        self.time, self.end, self.constants = np.zeros((m, 1)), np.zeros((m, 1)), np.zeros((m, system.numel_in(2)))
+        self.state, self.slopes = np.zeros((m, self.size)), np.zeros((m, self.size))
+        self.result, self.shape = np.zeros((m, step.width)), np.zeros((m, between.width))
+        begun = [self.time, self.end, self.state, self.slopes, self.constants]
+        self.call, self.between = step.bound(begun, self.result), between.bound([*begun, self.result], self.shape)
+
+    def slope(self, time: np.ndarray, state: np.ndarray) -> np.ndarray:
+        """dY/ds (m, N)."""
+        return self.evaluator(len(time), time[:, None], state, self.constants)
+
+    def step(
+        self, time: np.ndarray, end: np.ndarray, state: np.ndarray, slope: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """See :meth:`varcalc.integrators.side_by_side.Stepper.step`."""
+        self.time[:, 0], self.end[:, 0], self.state[:], self.slopes[:] = time, end, state, slope
+        self.call()
+        n = self.size
+        return self.result[:, :n].copy(), self.result[:, n : 2 * n].copy()
+
+    def error(self, size: np.ndarray) -> np.ndarray:
+        """See :meth:`varcalc.integrators.side_by_side.Stepper.error`."""
+        n = self.size
+        return _combined_error(self.result[:, 2 * n : 3 * n] / size, self.result[:, 3 * n : 4 * n] / size)
+
+    def interpolant(
+        self, at: np.ndarray, time: np.ndarray, length: np.ndarray, ends: tuple[np.ndarray, np.ndarray],
+        slopes: tuple[np.ndarray, np.ndarray], *, dense: bool,  # noqa: ARG002  it is known from the step
+    ) -> Interpolant:  # fmt: skip
+        """See :meth:`DormandPrinceStepper.interpolant`."""
+        self.between()
+        shape = self.shape[at].reshape(len(at), -1, self.size).transpose(1, 0, 2)
+        return Interpolant(time[at], length[at], ends[0][at], shape)
+
+
+def _combined_error(fifth: np.ndarray, third: np.ndarray) -> np.ndarray:
+    """The error (m,) of order 5, corrected by that of order 3, of both (m, N) in units of the states."""
+    of_fifth, of_third = (np.einsum("mn,mn->m", part, part) for part in (fifth, third))
+    denominator = of_fifth + 0.01 * of_third
+    return np.where(denominator == 0, 0.0, of_fifth / np.sqrt(denominator * fifth.shape[1]))
 
 
 class DormandPrinceStepper:
@@ -249,10 +354,7 @@ class DormandPrinceStepper:
 
     def error(self, size: np.ndarray) -> np.ndarray:
         """That of order 5, corrected by that of order 3; see :meth:`varcalc.integrators.side_by_side.Stepper.error`."""
-        off = [combined(weights, self.stages[:13]) / size for weights in _tables()[2]]
-        fifth, third = (np.einsum("mn,mn->m", part, part) for part in off)
-        denominator = fifth + 0.01 * third
-        return np.where(denominator == 0, 0.0, fifth / np.sqrt(denominator * size.shape[1]))
+        return _combined_error(*(combined(weights, self.stages[:13]) / size for weights in _tables()[2]))
 
     def interpolant(
         self, at: np.ndarray, time: np.ndarray, length: np.ndarray, ends: tuple[np.ndarray, np.ndarray],
