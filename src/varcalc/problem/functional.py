@@ -47,7 +47,11 @@ from varcalc.symbolic.tracing import (
 
 SPACE = 3
 """Coordinates of a place on a surface in space."""
-FIRST_SLOPE = "a Bound is on the curve and its first slope, h(x, y, dy), also with order=2"
+LOWERED = (
+    "where y itself does not occur, take v = y' for the unknown function, and what y gains as an Isoperimetric of v"
+)
+"""How what is of too high an order can be stated."""
+FIRST_SLOPE = f"a Bound is on the curve and its first slope, h(x, y, dy), also with order=2; {LOWERED}"
 """What is told of a bound that is called with more."""
 
 

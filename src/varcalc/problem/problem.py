@@ -28,7 +28,7 @@ from varcalc.problem.conditions import (
     function as check_function,
 )
 from varcalc.problem.consistency import Place, check_levels, check_places
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import LOWERED, Functional
 from varcalc.problem.shape import check_slopes, curve_dimension, dimension, inside, span_of
 from varcalc.spelling import spelled
 from varcalc.symbolic.derived import derived
@@ -109,7 +109,8 @@ class Problem(Functional):
     ) -> None:
         check_function("lagrangian", lagrangian)
         if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in (1, 2):
-            raise ValueError(f"order must be 1 or 2, not {order!r}")
+            remedy = f"; {LOWERED}" if order == 3 else ""
+            raise ValueError(f"order must be 1 or 2, not {order!r}{remedy}")
         self.order: int = int(order)
         n, scalar = dimension(start, end)
         self.n: int = n
