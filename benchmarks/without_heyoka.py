@@ -1,7 +1,8 @@
-"""Bundles of 5,000 rays with heyoka and without it, side by side: seconds of the processor, and how far apart they end.
+"""Bundles of 5,000 rays and single motions with heyoka and without it, side by side: seconds of the processor.
 
-The first call of a scene compiles where heyoka is there; "later" is the quickest of those that follow, of which the
-first few are needed before all that may be compiled is.
+For bundles it is told how far apart they end, for motions what is claimed of each. The first call of a scene or a
+system compiles where heyoka is there; "later" is the quickest of those that follow, of which the first few are needed
+before all that may be compiled is.
 
 Run: OMP_NUM_THREADS=1 python benchmarks/without_heyoka.py
 """
@@ -17,7 +18,7 @@ from unittest import mock
 import casadi as ca
 import numpy as np
 
-from varcalc import integrators, optics
+from varcalc import integrators, mechanics, optics
 
 RAYS = 5000
 CALLS = 5
@@ -64,6 +65,39 @@ TASKS = (
 )
 
 
+@dataclass(frozen=True)
+class Single:
+    """A motion of a Lagrangian from coordinates and rates over the times from 0 on."""
+
+    name: str
+    lagrangian: Callable[..., Any]
+    q0: tuple[float, ...]
+    v0: tuple[float, ...]
+    last: float
+
+
+SINGLE = (
+    Single("pendulum, t = 100", lambda t, q, v: v[0] ** 2 / 2 + ca.cos(q[0]), (1.0,), (0.0,), 100.0),
+    Single(
+        "Kepler's ellipse in polar coordinates, t = 100",
+        lambda t, q, v: (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2 + 1 / q[0],
+        (1.0, 0.0), (0.0, 1.2), 100.0,
+    ),
+    Single(
+        "double pendulum, t = 20",
+        lambda t, q, v: (
+            v[0] ** 2 + v[1] ** 2 / 2 + v[0] * v[1] * ca.cos(q[0] - q[1]) + 9.81 * (2 * ca.cos(q[0]) + ca.cos(q[1]))
+        ),
+        (1.0, 0.5), (0.0, 0.0), 20.0,
+    ),
+    Single(
+        "charge in a field that varies, t = 100",
+        lambda t, q, v: ca.sumsqr(v) / 2 + (q[0] * v[1] - q[1] * v[0]) * (1 + 0.3 * ca.sin(q[2])),
+        (1.0, 0.0, 0.0), (0.0, 1.0, 0.1), 100.0,
+    ),
+)  # fmt: skip
+
+
 def starts(dimension: int, size: float) -> tuple[np.ndarray, np.ndarray]:
     """Points left of the origin, as far as ``size``, and directions that go to the right, more or less."""
     rng = np.random.default_rng(SEED)
@@ -86,8 +120,41 @@ def measured(task: Task) -> tuple[float, float, optics.Bundle]:
     return spent[0], min(spent[1:]), bundle
 
 
+def moved(single: Single) -> tuple[float, float, float]:
+    """Seconds of the first motion of a system and of the quickest later one, and the error that is claimed."""
+    system = mechanics.System(single.lagrangian, tuple(f"q{k}" for k in range(len(single.q0))))
+    spent: list[float] = []
+    error = np.nan
+    for _ in range(CALLS):
+        began = time.process_time()
+        error = system.motion(single.q0, single.v0, (0.0, single.last)).error
+        spent.append(time.process_time() - began)
+    return spent[0], min(spent[1:]), error
+
+
 def main() -> None:
-    """Print the table."""
+    """Print both tables."""
+    bundles()
+    motions()
+
+
+def motions() -> None:
+    """Print the table of motions."""
+    print("| one motion | heyoka, first | later | claimed | without it, first | later | claimed | times |")
+    print("|---|---|---|---|---|---|---|---|")
+    for single in SINGLE:
+        first, later, error = moved(single)
+        with mock.patch.object(integrators, "available", return_value=(integrators.Dop853(),)):
+            without_first, without_later, other = moved(single)
+        print(
+            f"| {single.name} | {first:.2f} | {later:.4f} | {error:.0e} | {without_first:.2f} | {without_later:.3f} "
+            f"| {other:.0e} | {without_later / later:.0f} |",
+            flush=True,
+        )
+
+
+def bundles() -> None:
+    """Print the table of bundles."""
     print(
         "| 5,000 rays | heyoka, first call | later | without it, first call | later | times | apart | arrived alike |"
     )
