@@ -141,3 +141,11 @@ def test_a_spring_that_starts_lower_has_a_minimum(conditions: list[vc.Bound], sl
     )
     found = vc.solve(problem, throw=False)
     assert found.status.ok
+
+
+@pytest.mark.parametrize("span", [(0.35, 0.83), (-0.53, 0.19), (1.06, 1.77), (-1.33, -0.81), (0.35, 1.52)])
+def test_a_curve_that_does_not_move_stands_nowhere_upright(span):
+    """y' + y'^2 between equal ends: the constant, whose computed slopes are round-off."""
+    found = vc.solve(vc.Problem(lambda x, y, dy: dy + dy**2, *(vc.Fixed(x, 1) for x in span)))
+    assert found.value == pytest.approx(0.0, abs=1e-15)
+    assert found.y(sum(span) / 2) == pytest.approx(1.0, abs=1e-15)

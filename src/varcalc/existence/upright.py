@@ -65,7 +65,7 @@ def upright(solution: Solution) -> Upright | None:
     extent = _extent(solution)
     if solution.extremal is None and (found := _at_one_abscissa(problem, solution, extent)) is not None:
         return found
-    if not solution.error.curve > DOUBTED * extent:
+    if not (extent > 0 and solution.error.curve > DOUBTED * extent):  # a curve that does not move stands nowhere
         return None
     x = np.unique(solution.x)
     with np.errstate(all="ignore"):  # a slope may be infinite at an end
