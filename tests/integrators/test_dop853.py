@@ -4,10 +4,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.integrators.dop853 import FEW_RUNS, Dop853
+from varcalc.integrators.dop853 import Dop853
 from varcalc.integrators.nystrom import Nystrom
 from varcalc.integrators.protocol import NONE, STOPPED
 from varcalc.integrators.stops import Interpolant, Stops
+from varcalc.integrators.written import FEW_RUNS
 from varcalc.symbolic.evaluation import POINTS_FOR_NUMPY
 
 s, state, frequency = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c", 1)
@@ -101,18 +102,33 @@ def test_a_stop_is_looked_for_no_longer_than_round_off_lets_it_be(monkeypatch):
     assert len(asked) < 3 * landed.rounds
 
 
-def test_few_runs_take_the_steps_of_many():
+@pytest.mark.parametrize("system", BOTH, ids=["order 12", "order 8"])
+def test_few_runs_take_the_steps_of_many(system):
     """One function a step, and stages of all runs at once, are the same method: as many steps, the same states."""
     omega = np.linspace(0.5, 2.0, 2 * FEW_RUNS)
     starts = np.tile([1.0, 0.0], (len(omega), 1))
-    flow = Dop853(1e-12).compile(TURNING, HEIGHT)
-    for engine in (Dop853(1e-12).compile(TURNING), flow):
-        many = engine.ensemble(starts, omega[:, None], until=7.0, dense=engine is not flow)
-        few = engine.ensemble(starts[:FEW_RUNS], omega[:FEW_RUNS, None], until=7.0, dense=engine is not flow)
+    for stops in (None, HEIGHT):
+        flow = Dop853(1e-12).compile(system, stops)
+        many = flow.ensemble(starts, omega[:, None], until=7.0, dense=stops is None)
+        few = flow.ensemble(starts[:FEW_RUNS], omega[:FEW_RUNS, None], until=7.0, dense=stops is None)
         np.testing.assert_array_equal(few.steps, many.steps[:FEW_RUNS])
         np.testing.assert_allclose(few.states, many.states[:FEW_RUNS], rtol=0, atol=1e-13)
         np.testing.assert_allclose(few.reached, many.reached[:FEW_RUNS], rtol=0, atol=1e-13)
-    dense = Dop853(1e-12).compile(TURNING).ensemble(starts[:1], omega[:1, None], until=7.0, dense=True).dense[0]
-    times = np.linspace(0.0, 7.0, 101)
-    exact = np.stack([np.cos(omega[0] * times), -np.sin(omega[0] * times)], axis=1)
-    np.testing.assert_allclose(dense(times), exact, rtol=0, atol=1e-10)
+        times = np.linspace(0.0, 7.0, 101)
+        for row in range(FEW_RUNS) if stops is None else ():
+            np.testing.assert_allclose(few.dense[row](times), many.dense[row](times), rtol=0, atol=1e-12)
+
+
+def test_what_follows_a_velocity_is_the_same_for_few_runs_and_many():
+    """A watched state whose rate is v²: of cos t, (t - sin t cos t)/2."""
+    longer = ca.SX.sym("Y", 3)
+    system = ca.Function("f", [s, longer, frequency], [ca.vertcat(longer[1], -longer[0], longer[1] ** 2)])
+    flow = Dop853(1e-12).compile(system, watching=1)
+    assert isinstance(flow.method, Nystrom)
+    starts = np.tile([1.0, 0.0, 0.0], (2 * FEW_RUNS, 1))
+    for count in (1, 2 * FEW_RUNS):
+        landed = flow.ensemble(starts[:count], np.ones((count, 1)), until=5.0, dense=True)
+        times = np.linspace(0, 5, 51)
+        exact = np.stack([np.cos(times), -np.sin(times), (times - np.sin(times) * np.cos(times)) / 2], axis=1)
+        np.testing.assert_allclose(landed.dense[0](times), exact, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(landed.states[0], exact[-1], rtol=0, atol=1e-9)

@@ -22,6 +22,7 @@ from varcalc.integrators.nystrom import Nystrom, second_order
 from varcalc.integrators.protocol import COMPLETED, OUTCOMES, Landing, Run, begun, check_system, checked
 from varcalc.integrators.side_by_side import Runs, combined
 from varcalc.integrators.stops import Interpolant, Stops
+from varcalc.integrators.written import FEW_RUNS, WrittenStep, WrittenStepper, worth_writing
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
@@ -36,10 +37,6 @@ TOGETHER = 8192
 """Runs that take their steps together."""
 NOTED = 2000
 """So many runs at a time would be worth the compilation by heyoka: its absence is told."""
-FEW_RUNS = 12
-"""Runs that go by one function a step, at most: of more, stages of all of them at once take less."""
-LONG = 1000
-"""Instructions of a system, of which each stage takes longer than the calls that a written step spares."""
 KEPT_AT = (2, 1, 0)
 """Which of the first three slopes is kept first, second and third: those that few stages need come before others."""
 
@@ -214,23 +211,19 @@ class DormandPrince:
         if kept is not None:
             return kept
         if m <= FEW_RUNS and (written := self._written) is not None:
-            return WrittenStepper(self.rates, *written, m)
+            return WrittenStepper(written, m)
         return DormandPrinceStepper(self.rates, m)
 
     @cached_property
-    def _written(self) -> tuple[PointEvaluator, PointEvaluator] | None:
+    def _written(self) -> WrittenStep | None:
         system = self.rates.function
-        if not system.is_a("SXFunction") or system.n_instructions() > LONG:
-            return None
-        return _written_step(system)
+        return _written_step(self.rates) if worth_writing(system) else None
 
 
-def _written_step(system: ca.Function) -> tuple[PointEvaluator, PointEvaluator]:
-    """A step as a function of its beginning, and of that and its result the coefficients of its interpolant.
-
-    The step gives state and slope at its end, both parts of its error, and its stages; each is one column.
-    """
+def _written_step(rates: PointEvaluator) -> WrittenStep:
+    """A step as one function; what it leaves to its interpolant are the stages."""
     stages, places, errors, extra, extra_places, within = _tables()
+    system = rates.function
     size = system.numel_in(1)
     time, end = ca.SX.sym("t"), ca.SX.sym("e")
     state, slope, constants = (ca.SX.sym(name, system.numel_in(k)) for name, k in (("Y", 1), ("f", 1), ("c", 2)))
@@ -258,52 +251,8 @@ def _written_step(system: ca.Function) -> tuple[PointEvaluator, PointEvaluator]:
     shape = ca.vertcat(
         rise, first - rise, 2 * rise - (h * following + first), *(weighted(row, k) for row in within)
     )  # fmt: skip
-    return PointEvaluator(step), PointEvaluator(ca.Function("between", [*begun, known], [ca.densify(shape)]))
-
-
-class WrittenStepper:
-    """The same as :class:`DormandPrinceStepper` for few runs: one call of one function a step.
-
-    Of one run, calls of NumPy for each stage take ten times as long as its numbers do.
-    """
-
-    order: Literal["C", "F"] = "C"
-
-    def __init__(self, rates: PointEvaluator, step: PointEvaluator, between: PointEvaluator, m: int) -> None:
-        system = rates.function
-        self.size, self.evaluator = system.numel_in(1), rates
-        self.time, self.end, self.constants = np.zeros((m, 1)), np.zeros((m, 1)), np.zeros((m, system.numel_in(2)))
-        self.state, self.slopes = np.zeros((m, self.size)), np.zeros((m, self.size))
-        self.result, self.shape = np.zeros((m, step.width)), np.zeros((m, between.width))
-        begun = [self.time, self.end, self.state, self.slopes, self.constants]
-        self.call, self.between = step.bound(begun, self.result), between.bound([*begun, self.result], self.shape)
-
-    def slope(self, time: np.ndarray, state: np.ndarray) -> np.ndarray:
-        """dY/ds (m, N)."""
-        return self.evaluator(len(time), time[:, None], state, self.constants)
-
-    def step(
-        self, time: np.ndarray, end: np.ndarray, state: np.ndarray, slope: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`varcalc.integrators.side_by_side.Stepper.step`."""
-        self.time[:, 0], self.end[:, 0], self.state[:], self.slopes[:] = time, end, state, slope
-        self.call()
-        n = self.size
-        return self.result[:, :n].copy(), self.result[:, n : 2 * n].copy()
-
-    def error(self, size: np.ndarray) -> np.ndarray:
-        """See :meth:`varcalc.integrators.side_by_side.Stepper.error`."""
-        n = self.size
-        return _combined_error(self.result[:, 2 * n : 3 * n] / size, self.result[:, 3 * n : 4 * n] / size)
-
-    def interpolant(
-        self, at: np.ndarray, time: np.ndarray, length: np.ndarray, ends: tuple[np.ndarray, np.ndarray],
-        slopes: tuple[np.ndarray, np.ndarray], *, dense: bool,  # noqa: ARG002  it is known from the step
-    ) -> Interpolant:  # fmt: skip
-        """See :meth:`DormandPrinceStepper.interpolant`."""
-        self.between()
-        shape = self.shape[at].reshape(len(at), -1, self.size).transpose(1, 0, 2)
-        return Interpolant(time[at], length[at], ends[0][at], shape)
+    between = ca.Function("between", [*begun, known], [ca.densify(shape)])
+    return WrittenStep(rates, PointEvaluator(step), PointEvaluator(between), 2, _combined_error)
 
 
 def _combined_error(fifth: np.ndarray, third: np.ndarray) -> np.ndarray:

@@ -18,7 +18,9 @@ import numpy as np
 from varcalc.integrators.lowering import CannotLower, scalar_function
 from varcalc.integrators.side_by_side import combined
 from varcalc.integrators.stops import Interpolant
+from varcalc.integrators.written import FEW_RUNS, WrittenStep, WrittenStepper, worth_writing
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.tracing import Expression
 
 STAGE_PLACES = (
     (0.0002,),
@@ -134,7 +136,7 @@ class Nystrom:
     """The method for one system; see :class:`varcalc.integrators.side_by_side.EmbeddedMethod`."""
 
     system: SecondOrder
-    spare: dict[int, NystromStepper] = field(default_factory=dict, repr=False, compare=False)
+    spare: dict[int, NystromStepper | WrittenStepper] = field(default_factory=dict, repr=False, compare=False)
     power, safety, least = 11.0, 0.8, LEAST
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -150,9 +152,139 @@ class Nystrom:
         """du/ds at many points."""
         return PointEvaluator(self.system.following)
 
-    def room(self, m: int) -> NystromStepper:
+    def room(self, m: int) -> NystromStepper | WrittenStepper:
         """See :meth:`varcalc.integrators.side_by_side.EmbeddedMethod.room`."""
-        return self.spare.pop(m, None) or NystromStepper(self, m)
+        kept = self.spare.pop(m, None)
+        if kept is not None:
+            return kept
+        if m <= FEW_RUNS and (written := self._written) is not None:
+            return WrittenStepper(written, m)
+        return NystromStepper(self, m)
+
+    @cached_property
+    def _written(self) -> WrittenStep | None:
+        system = self.system
+        return _WrittenNystrom(system).written() if all(map(worth_writing, (system.rates, system.following))) else None
+
+
+class _WrittenNystrom:
+    """The step of :class:`NystromStepper` in symbols."""
+
+    def __init__(self, system: SecondOrder) -> None:
+        self.system = system
+        self.size = len(system.places) + len(system.moved) + len(system.followed)
+        self.constants = ca.SX.sym("c", system.rates.numel_in(2))
+        self.time, self.end = ca.SX.sym("t"), ca.SX.sym("e")
+        self.state, self.slope = ca.SX.sym("Y", self.size), ca.SX.sym("f", self.size)
+        self.length = self.end - self.time
+
+    def written(self) -> WrittenStep:
+        """The step, and what is known within it."""
+        begun = [self.time, self.end, self.state, self.slope, self.constants]
+        result, stages, followed = self._step()
+        within = [*(stages[k] for k in NODES_WITHIN), *(followed[k] for k in NODES_WITHIN)]
+        step = ca.Function("step", begun, [ca.densify(ca.vertcat(*result, *within))])
+        known = ca.SX.sym("known", step.numel_out(0))
+        between = ca.Function("between", [*begun, known], [ca.densify(self._between(known))])
+        slope = ca.Function("slope", [self.time, self.state, self.constants], [ca.densify(self._slope())])
+        return WrittenStep(PointEvaluator(slope), PointEvaluator(step), PointEvaluator(between), 1, _root_mean_square)
+
+    def _whole(self, place: Expression, moved: Expression, followed: Expression) -> Expression:
+        whole, system = ca.SX.zeros(self.size), self.system
+        whole[system.places], whole[system.moved], whole[system.followed] = place, moved, followed
+        return whole
+
+    def _slope(self) -> Expression:
+        system, state = self.system, self.state
+        place, velocity = state[system.places], state[system.velocities]
+        rates = system.rates(self.time, place, self.constants)
+        return self._whole(velocity, rates, system.following(self.time, place, velocity, self.constants))
+
+    def _step(self) -> tuple[list[Expression], dict[int, Expression], dict[int, Expression]]:
+        """State, slope and error after the step, and the rates of the stages of what is moved and what follows."""
+        at, used, places, outcome = _tables()
+        system, h, d = self.system, self.length, len(self.system.places)
+        begin, moved, followed = (self.state[which] for which in (system.places, system.moved, system.followed))
+        velocity = moved[:d]
+        k: dict[int, Expression] = {FIRST: self.slope[system.moved]}
+        there: dict[int, Expression] = {}
+
+        def bent(part: float, weights: np.ndarray) -> Expression:
+            return begin + part * h * velocity + h**2 * _weighted(weights, k)[:d]
+
+        for s in range(1, 17):
+            weights = np.zeros(17)
+            weights[used[s]] = places[s, used[s]]
+            there[s] = bent(at[s], weights)
+            k[s if s > 1 else UNUSED] = ca.densify(system.rates(self.time + at[s] * h, there[s], self.constants))
+        of_use = np.where(np.arange(17) == UNUSED, 0.0, outcome)
+        place = bent(1.0, of_use[0])
+        rates = ca.densify(system.rates(self.end, place, self.constants))
+        after = moved + h * _weighted(of_use[1], k)
+        last = ca.densify(system.following(self.end, place, after[:d], self.constants))
+        f = self._followed(k, there, last)
+        new = self._whole(place, after, followed + h * _weighted(of_use[1], f))
+        error = self._whole(
+            h**2 * _weighted(of_use[2], k)[:d], h * _weighted(of_use[3], k), h * _weighted(of_use[3], f)
+        )
+        return [new, self._whole(after[:d], rates, last), error], k, f
+
+    def _followed(
+        self, k: dict[int, Expression], there: dict[int, Expression], last: Expression
+    ) -> dict[int, Expression]:
+        """du/ds at the stages, with the velocities there by all rates of the step."""
+        system, h, at, weights = self.system, self.length, _tables()[0], _velocities()
+        f = {FIRST: self.slope[system.followed], 15: last, 16: last}
+        for s in NODES:
+            row = np.where(np.arange(17) == UNUSED, 0.0, weights[s])
+            velocity = self.state[system.velocities] + h * _weighted(row, k)[: len(system.places)]
+            f[s] = ca.densify(system.following(self.time + at[s] * h, there[s], velocity, self.constants))
+        return f
+
+    def _between(self, known: Expression) -> Expression:
+        """The shape of the interpolant, place by place; of what :meth:`NystromStepper.interpolant` calls dense."""
+        system, h, size, count = self.system, self.length, self.size, len(NODES_WITHIN)
+        before, after = h * self.slope, h * known[size : 2 * size]
+        rise = known[:size] - self.state
+        shape = ca.SX.zeros(size, 3 + count)
+        shape[:, 0], shape[:, 1], shape[:, 2] = rise, before - rise, 2 * rise - after - before
+        n, m = len(system.moved), len(system.followed)
+        stages = ca.reshape(known[3 * size : 3 * size + count * n], n, count)
+        self._bend(shape, before, after, stages)
+        if m:
+            follow = ca.reshape(known[3 * size + count * n :], m, count)
+            shape[system.followed, 3:] = self._shaped(_within()[0], shape[system.followed, :3], h * follow)
+        nodes = _tables()[0][list(NODES_WITHIN)]
+        turns = np.arange(3 + count) % 2 == 0
+        weights = np.cumprod(np.where(turns, nodes[:, None], 1 - nodes[:, None]), axis=1)
+        places = self.state[system.places] + shape[system.places, :] @ weights.T
+        again = [
+            ca.densify(system.rates(self.time + part * h, places[:, j], self.constants)) for j, part in enumerate(nodes)
+        ]
+        self._bend(shape, before, after, ca.horzcat(*again))
+        return ca.vec(shape)
+
+    def _bend(self, shape: Expression, before: Expression, after: Expression, rates: Expression) -> None:
+        """See :meth:`NystromStepper._bend`."""
+        system, h, own = self.system, self.length, self.length * rates
+        shape[system.moved, 3:] = self._shaped(_within()[0], shape[system.moved, :3], own)
+        columns = [k for k, node in enumerate(NODES_WITHIN) if node in PLACE_NODES]
+        ends = [h * end[system.velocities] for end in (before, after)]
+        bent = ca.horzcat(*ends, h * own[: len(system.places), columns])
+        shape[system.places, 3:] = self._shaped(_within()[1], shape[system.places, :3], bent)
+
+    def _shaped(self, table: np.ndarray, begun: Expression, rates: Expression) -> Expression:
+        return ca.horzcat(begun, rates) @ table.T
+
+
+def _weighted(weights: np.ndarray, rates: dict[int, Expression]) -> Expression:
+    """The sum of rates by their weights, those that are zero left out."""
+    some = next(iter(rates.values()))
+    return sum((float(w) * rates[j] for j, w in enumerate(weights) if w and j in rates), ca.SX.zeros(some.numel()))
+
+
+def _root_mean_square(error: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.einsum("mn,mn->m", error, error) / error.shape[1])
 
 
 class NystromStepper:
