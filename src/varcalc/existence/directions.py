@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Sampled
-from varcalc.methods.crossings import switching_ordinates
+from varcalc.methods.crossings import beside_jumps
 from varcalc.problem.conditions import Bound, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
@@ -214,13 +214,13 @@ class AlongDirection:
         """What ends that depart by y add."""
         return self.departures.at_end(side, np.outer(y, self.direction)).reshape(np.shape(y))
 
-    def switching(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-        """Departures (m,) at which L of one function has a kink, or just beside which it jumps."""
+    def beside_jumps(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+        """Departures (m,) just beside those at which L of one function jumps."""
         problem, own = self.departures.problem, self.departures.curve(x, 0)
         if not isinstance(problem, Problem) or len(own) > 1:
             return []
         scale = float(self.direction[0])
-        return [(row - own[0]) / scale for row in switching_ordinates(problem, x, own[0] + scale * y)]
+        return [(row - own[0]) / scale for row in beside_jumps(problem, x, own[0] + scale * y)]
 
     def extent(self, y: np.ndarray) -> float:  # noqa: ARG002  it is the same about any curve
         """The unit of the departures."""

@@ -113,8 +113,8 @@ class LandscapeWithUnit(Landscape, Protocol):
         """The unit in which departures from a curve with ordinates y (m,) are measured."""
         ...
 
-    def switching(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-        """Ordinates (m,) at which L has a kink, or just beside which it jumps, from y (m,) at x (m,)."""
+    def beside_jumps(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+        """Ordinates (m,) just beside those at which L jumps, from y (m,) at x (m,)."""
         ...
 
 
@@ -142,13 +142,13 @@ class Graphs:
         """The larger of the curve's extent and its interval."""
         return max(float(np.ptp(y)), self.span[1] - self.span[0])
 
-    def switching(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-        """Ordinates (m,) at which L has a kink, or just beside which it jumps."""
+    def beside_jumps(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+        """Ordinates (m,) just beside those at which L jumps."""
         if not on_curve(self.problem):
             return []
-        from varcalc.methods.crossings import switching_ordinates  # few problems need them
+        from varcalc.methods.crossings import beside_jumps  # few problems need them
 
-        return switching_ordinates(self.problem, x, y)
+        return beside_jumps(self.problem, x, y)
 
     def along(self, valley: Sampled) -> Sampled:
         """The function itself."""
@@ -442,7 +442,7 @@ class PolygonLattice(Lattice):
         side = np.concatenate([unit * NEAR, last * np.cumprod(OUTWARD * growing)])
         departures = np.concatenate([-side[::-1], [0.0], side])
         beside = _edges(landscape, x, c, c + side[-1] * np.array([[-1.0], [1.0]]))
-        beside += landscape.switching(x, c)
+        beside += landscape.beside_jumps(x, c)
         nodes, own = _in_order(c, beside, c[:, None] + departures[departures != 0.0])
         super().__init__(landscape, x, nodes, own, float(side[-1]), extent / (b - a))
 
@@ -478,7 +478,7 @@ def across_the_landscape(landscape: LandscapeWithUnit, ordinates: Callable[[np.n
     levels = np.linspace(low - room, high + room, LEVELS)
     levels = np.union1d(levels, _rests(landscape, x, levels))
     beside = _edges(landscape, x, c, levels[[0, -1], None] + np.zeros(len(x)))
-    beside += landscape.switching(x, c)
+    beside += landscape.beside_jumps(x, c)
     nodes, own = _in_order(c, beside, np.broadcast_to(levels, (len(x), len(levels))))
     return Lattice(landscape, x, nodes, own, float(high - low), extent / float(np.ptp(x)))
 

@@ -240,14 +240,14 @@ def _least(
             held = held_throughout(problem, method, curve, found)
         if held is not None and as_held(problem, held):
             return held
-    # what turns where friction holds it comes to rest
+    # what turns where friction holds it comes to rest; kinks of the place alone are for corners that move
     turning = any(c.switch.depends_on(problem.symbols.highest) for c in found)
-    if riding or turning or (found and any(problem.of_type(Bound))) or along_jumps(problem, curve):
-        resting = with_rests(problem, method, tol, curve, found)
-        if resting is not None and as_held(problem, resting):
-            return resting
-    if found and (solution := settled(problem, method, tol, curve, found)) is not None:
-        return solution
+    rests = turning or (found and any(problem.of_type(Bound))) or along_jumps(problem, curve)
+    ways = [with_rests, settled] if rests else [settled, with_rests] if riding else [settled] if found else []
+    for way in ways:
+        solution = way(problem, method, tol, curve, found)
+        if solution is not None and (way is settled or as_held(problem, solution)):
+            return solution
     return None
 
 

@@ -107,32 +107,34 @@ def crossings(
 
 
 @derived
+def _placed_jumps(problem: Functional) -> tuple[Switch, ...]:
+    """The jumps of ``on_curve`` that do not feel the slope, if they are few."""
+    slopes = ca.vertcat(*problem.symbols.slopes)
+    found = [s for s in on_curve(problem) if s.jumps and not s.stepped and not s.depends_on(slopes)]
+    return tuple(found) if len(found) <= MOST_PLACED and not any(problem.slides) else ()
+
+
+@derived
 def _onto(problem: Functional) -> ca.Function:
-    """Newton's step in y to each switch of ``on_curve`` that does not feel the slope: where it leads."""
+    """Newton's step in y to each of them: where it leads."""
     s = problem.symbols
-    placed = [switch for switch in on_curve(problem) if not switch.depends_on(ca.vertcat(*s.slopes))]
-    steps = [ca.densify(s.y - (w.argument - w.levels[0]) / ca.gradient(w.argument, s.y)) for w in placed]
-    return ca.Function("onto", s.all, steps)
+    steps = [s.y - (w.argument - w.levels[0]) / ca.gradient(w.argument, s.y) for w in _placed_jumps(problem)]
+    return ca.Function("onto", s.all, [ca.densify(ca.vertcat(*steps))])
 
 
-def switching_ordinates(problem: Functional, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-    """Ordinates (m,) at which L of one function has a kink, and those just beside which it jumps, from y (m,)."""
-    s = problem.symbols
-    placed = [switch for switch in on_curve(problem) if not switch.depends_on(ca.vertcat(*s.slopes))]
-    if not placed or len(placed) > MOST_PLACED or any(problem.slides):
-        return []
+def beside_jumps(problem: Functional, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+    """Ordinates (m,) just beside those at which L of one function jumps, on either side, from y (m,)."""
+    jumps, still = _placed_jumps(problem), np.zeros((problem.symbols.ddy.numel(), len(x)))
     numbers = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, problem.unknown_guesses)]
-    still = np.zeros((s.ddy.numel(), len(x)))
     found: list[np.ndarray] = []
     with np.errstate(all="ignore"):
-        for k, switch in enumerate(placed):
+        for k in range(len(jumps)):
             at, last = y, y
             for _ in range(STEPS_ONTO_SWITCH):
-                at, last = np.asarray(_onto(problem).call([x[None], at[None], 0 * at[None], still, *numbers])[k])[0], at
+                at, last = np.asarray(_onto(problem)(x[None], at[None], 0 * at[None], still, *numbers))[k], at
             unit = np.maximum(np.abs(at), np.ptp(x))
             known = np.isfinite(at) & (np.abs(at - last) <= BESIDE_SWITCH * unit)
-            aside = (-2 * BESIDE_SWITCH, 2 * BESIDE_SWITCH) if switch.jumps else (0.0,)
-            found += [np.where(known, at + share * unit, y) for share in aside if known.any()]
+            found += [np.where(known, at + way * 2 * BESIDE_SWITCH * unit, y) for way in (-1, 1) if known.any()]
     return found
 
 
