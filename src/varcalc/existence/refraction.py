@@ -243,7 +243,8 @@ def _least(
     # what turns where friction holds it comes to rest; kinks of the place alone are for corners that move
     turning = any(c.switch.depends_on(problem.symbols.highest) for c in found)
     rests = turning or (found and any(problem.of_type(Bound))) or along_jumps(problem, curve)
-    ways = [with_rests, settled] if rests else [settled, with_rests] if riding else [settled] if found else []
+    alone = riding and all(c.until is not None for c in found)
+    ways = [with_rests, settled] if rests else [settled, with_rests] if alone else [settled] if found else []
     for way in ways:
         solution = way(problem, method, tol, curve, found)
         if solution is not None and (way is settled or as_held(problem, solution)):

@@ -75,7 +75,7 @@ def at_bounds(form: Form, contacts: Sequence[Contact], vertices: Iterable[float]
     given = [side.copy() for side in (form.ends.start, form.ends.end)]
     for side, x in zip(given, form.span, strict=True):
         side[0, 0] = points.pop(x, side[0, 0])
-    inside = tuple((x, (y,)) for x, y in sorted(points.items()))
+    inside = tuple(sorted((*form.conditions.waypoints, *((x, (y,)) for x, y in points.items()))))
     conditions = replace(form.conditions, pathwise=pathwise, knots=knots, waypoints=inside)
     return replace(form, ends=replace(form.ends, start=given[0], end=given[1]), conditions=conditions, cache=Cache())
 
