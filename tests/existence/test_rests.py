@@ -246,13 +246,19 @@ WALLS = {
 }
 
 
+@pytest.mark.parametrize("method", [None, vc.Ritz(), vc.Ritz(optimiser=vc.Ipopt())], ids=["ladder", "Newton", "IPOPT"])
 @pytest.mark.parametrize("case", WALLS)
-def test_a_body_stays_beside_a_jump_as_at_a_wall(case):
+def test_a_body_stays_beside_a_jump_as_at_a_wall(case, method):
     problem, exact = WALLS[case]
-    found = vc.solve(problem)
+    found = vc.solve(problem, method)
     assert abs(found.value - exact) <= found.error.value + 1e-13
     assert found.error.value < 1e-9
     assert not found.local
+
+
+@pytest.mark.parametrize("case", WALLS)
+def test_what_stays_beside_a_jump_is_verified(case):
+    assert vc.verify(vc.solve(WALLS[case][0])).verdict is vc.Verdict.MINIMUM
 
 
 @pytest.mark.parametrize("moving", [0.0, 0.1])

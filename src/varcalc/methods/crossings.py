@@ -146,6 +146,25 @@ def met_by(solution: Solution, small: float = ARGUMENT_ROUND_OFF) -> list[Crossi
     return crossings(solution.problem, solution.curve, solution.x, numbers, small)
 
 
+def stretches_beside_jumps(solution: Solution, small: float) -> list[tuple[float, float]]:
+    """Where a solution's curve runs beside a jump of its place: what lies beyond holds it there, as a wall does.
+
+    The argument is as ``small`` there, in units of its size along the curve.
+    """
+    problem, curve = solution.problem, solution.curve
+    if curve is None or not any(s.jumps and not s.stepped for s in on_curve(problem)):
+        return []
+    nodes = np.unique(solution.x)
+    x = np.unique(np.concatenate([nodes, (nodes[:-1, None] + np.diff(nodes)[:, None] * AN_ELEMENT).ravel()]))
+    values = np.abs(arguments_along(problem, curve, x, np.array(list(solution.unknowns.values()))))
+    found: list[tuple[float, float]] = []
+    for switch, row in zip(on_curve(problem), values, strict=True):
+        near = np.flatnonzero(row <= small * np.nanmax(row, initial=0.0)) if switch.jumps and not switch.stepped else []
+        runs = np.split(near, 1 + np.flatnonzero(np.diff(near) > 1)) if len(near) else []
+        found += [(float(x[r[0]]), float(x[r[-1]])) for r in runs if x[r[-1]] - x[r[0]] > RIDDEN * (x[-1] - x[0])]
+    return found
+
+
 def _of_one(
     switch: Switch, x: np.ndarray, values: np.ndarray, signs: np.ndarray, small: float,
     at: Callable[[np.ndarray], np.ndarray],

@@ -144,7 +144,7 @@ def _examined(
 
         told("why there is no answer")
         solution = _nothing_between(_made_out(second_look(problem, tol, solution, smooth=smooth)))
-    elif method is not None:
+    elif method is not None and smooth:  # what is broken, or rests, was held to what it meets
         solution = _made_out(solution)
     if solution.status.ok:
         told("other valleys")

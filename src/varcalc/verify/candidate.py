@@ -22,7 +22,7 @@ from varcalc.methods.collocation.newton import Sizes, start_multipliers
 from varcalc.methods.collocation.refinement import Refinement
 from varcalc.methods.collocation.starting_curves import function_sizes, resolving_vertices
 from varcalc.methods.collocation.system import CollocationSystem, collocation_space
-from varcalc.methods.crossings import met_by
+from varcalc.methods.crossings import met_by, stretches_beside_jumps
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.functional import Functional
@@ -69,7 +69,7 @@ class Candidate:
     reason: str
     touched: bool = False
     held: tuple[tuple[float, float], ...] = ()
-    """Stretches along which a kink of L holds the curve: there L_y is none of either side's."""
+    """Stretches along which a kink or a jump of L holds the curve: there L_y is none of either side's."""
     _measured: dict[Check[Any], Any] = field(default_factory=dict, repr=False)
 
     def measured(self, check: Check[T]) -> T:
@@ -106,8 +106,10 @@ def candidate(solution: Solution) -> Candidate:
         return Candidate(solution, own, None, "the curve touches a bound", True)
     met = met_by(solution, HELD_TO) if on_curve(solution.problem) else []
     held = tuple((c.x, c.until) for c in met if c.until is not None)
+    if on_curve(solution.problem):
+        held += tuple(stretches_beside_jumps(solution, HELD_TO))
     if held and own is not None and not own.form.broken_at_switches:
-        return Candidate(solution, own, None, "a kink of L holds the curve", held=held)
+        return Candidate(solution, own, None, "a kink or a jump of L holds the curve", held=held)
     start = own if own is not None and not own.form.coordinates.weak_only else in_regular_form(solution)
     if start is None:
         reason = "no coordinates are at hand in which Jacobi's equation is regular"
