@@ -68,8 +68,8 @@ LEAST_SWING = 1e-3
 """How much L changes from a turn to the next, of its greatest such change, for the levels to reach so far."""
 LEVEL_MARGIN = 0.25
 """Share of their range by which the levels go beyond the turns."""
-BISECTIONS = 40
-"""Halvings by which the edge of where curves may go is found."""
+CLOSER = 3
+"""Looks, each as much closer as there are levels, by which the edge of where curves may go is found."""
 CLOSER_LEVELS = 8
 """Times as many levels at which the cheapest ones for a curve at rest are looked for."""
 
@@ -503,10 +503,11 @@ def _edges(landscape: Landscape, x: np.ndarray, c: np.ndarray, ends: np.ndarray)
             continue
         first, closed = np.maximum(np.argmax(barred, axis=0), 1), barred.any(0)
         kept, beyond = (np.where(closed, tried[k, rows], end) for k in (first - 1, first))
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (kept + beyond)
-            inside = np.isfinite(values_of(landscape, x, middle, np.zeros(1)))
-            kept, beyond = np.where(inside, middle, kept), np.where(inside, beyond, middle)
+        for _ in range(CLOSER):
+            tried = kept + np.linspace(0, 1, LEVELS)[:, None] * (beyond - kept)
+            barred = ~np.isfinite(values_of(landscape, x, tried, np.zeros(1)))
+            first = np.maximum(np.argmax(barred, axis=0), 1)
+            kept, beyond = (np.where(closed, tried[k, rows], end) for k in (first - 1, first))
         found.append(kept)
     return found
 
