@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 import varcalc as vc
 
@@ -267,4 +267,23 @@ def test_a_polygon_that_keeps_no_level_marks_nothing():
         )
     )  # fmt: skip
     assert found.value == pytest.approx(0, abs=1e-12)
+    assert not found.local
+
+
+@pytest.mark.parametrize("width", [1e-1, 1e-3, 1e-5])
+def test_a_valley_is_entered_where_both_ends_are_free(width):
+    """No way leads there and back: the whole curve lies at the bottom."""
+    place, depth, length = 0.4, 9.0, 5.0
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2 + (y**2 - 1) ** 2 - depth * ca.exp(-(((y - place) / width) ** 2)),
+            vc.Free(0), vc.Free(length),
+        )
+    )  # fmt: skip
+    bottom = brentq(
+        lambda y: 4 * y * (y**2 - 1) + 2 * depth * (y - place) / width**2 * np.exp(-(((y - place) / width) ** 2)),
+        place, place + width / 2, xtol=1e-16,
+    )  # fmt: skip
+    exact = length * ((bottom**2 - 1) ** 2 - depth * np.exp(-(((bottom - place) / width) ** 2)))
+    assert abs(found.value - exact) <= found.error.value + 1e-12
     assert not found.local

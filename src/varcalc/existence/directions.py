@@ -119,7 +119,7 @@ class Departures:
         if key not in self._known:
             with np.errstate(all="ignore"):
                 self._known[key] = [self.curve(x.ravel(), k) for k in range(self.problem.order + 1)]
-        return [rows.reshape(-1, *x.shape) for rows in self._known[key]]
+        return [rows.reshape(len(rows), *x.shape) for rows in self._known[key]]  # there may be no places
 
     def values(self, x: np.ndarray, away: Rows, rates: Rows) -> np.ndarray:
         """L with its levels by their multipliers, as it is minimised; infinite beyond a bound.
