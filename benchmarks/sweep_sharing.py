@@ -3,8 +3,9 @@
 Three kinds of points: one problem whose parameter moves, which are solved many together; a problem that a function
 makes anew for each; and problems with a bound, by IPOPT. The pool and the cluster are up, and each has done a sweep
 before the clock starts, so that what is measured is the sharing. Seconds are those of the wall clock, and of the
-processor in all processes together, which other programs do not lengthen: overhead is what these are beyond those of
-one process that solves the same points in a row.
+processor in all processes together, which other programs do not lengthen. Overhead is what these are beyond those of as
+many processes that solve a part of the same points each and hand nothing back: cores that are busy together are slower
+than one is alone, and that is not the sharing's doing.
 
 Run: python benchmarks/sweep_sharing.py [POINTS] [CORES]; it writes records/sweeps.json beside itself.
 """
@@ -79,15 +80,26 @@ def processor_seconds() -> float:
     return sum(sum(p.cpu_times()[:2]) for p in (whole, *whole.children(recursive=True)))
 
 
+def in_a_row(source: Callable[..., vc.Problem], count: int, part: int, parts: int) -> None:
+    """One process' part of the points, neighbours as in a chunk of a sweep, of which nothing is handed back."""
+    vc.sweep(source, {name: np.array_split(among, parts)[part] for name, among in values(count).items()})
+
+
 def seconds(
-    source: Callable[..., vc.Problem], count: int, executors: dict[str, Executor | None], cores: int
+    source: Callable[..., vc.Problem], count: int, pool: Executor, dask: Executor, cores: int
 ) -> dict[str, np.ndarray]:
-    """The least seconds of a few sweeps by each executor, in turn: of the wall clock, and of the processor."""
-    spent: dict[str, list[tuple[float, float]]] = {name: [] for name in executors}
+    """The least seconds of a few sweeps each way, in turn: of the wall clock, and of the processor."""
+    ways: dict[str, Callable[[], object]] = {
+        "alone": lambda: in_a_row(source, count, 0, 1),
+        "apart": lambda: list(pool.map(in_a_row, *zip(*((source, count, k, cores) for k in range(cores)), strict=True))),
+        "pool": lambda: vc.sweep(source, values(count), executor=pool, cores=cores),
+        "dask": lambda: vc.sweep(source, values(count), executor=dask, cores=cores),
+    }
+    spent: dict[str, list[tuple[float, float]]] = {name: [] for name in ways}
     for _ in range(REPEATS):
-        for name, executor in executors.items():
+        for name, way in ways.items():
             began, worked = time.perf_counter(), processor_seconds()
-            vc.sweep(source, values(count), executor=executor, cores=cores if executor else None)
+            way()
             spent[name].append((time.perf_counter() - began, processor_seconds() - worked))
     return {name: np.min(times, axis=0) for name, times in spent.items()}
 
@@ -102,15 +114,15 @@ def compared(points: int, cores: int) -> list[dict[str, object]]:
     with pool, cluster, Client(cluster) as client:
         for kind, (source, share) in KINDS.items():
             count = max(points // share, 4 * cores)
-            shared: dict[str, Executor | None] = {"pool": pool, "dask": client.get_executor()}
-            for executor in shared.values():
+            dask = client.get_executor()
+            for executor in (pool, dask):
                 vc.sweep(source, values(4 * cores), executor=executor, cores=cores)
-            spent = seconds(source, count, {"alone": None, **shared}, cores)
-            alone = spent.pop("alone")
-            rows.append({"kind": kind, "points": count, "cores": cores, "alone_s": float(alone[0])} | {
+            spent = seconds(source, count, pool, dask, cores)
+            rows.append({"kind": kind, "points": count, "cores": cores} | {
                 f"{name}_s": float(wall) for name, (wall, _) in spent.items()
             } | {
-                f"{name}_overhead": float(worked / alone[1] - 1) for name, (_, worked) in spent.items()
+                f"{name}_overhead_by_{what}": float(spent[name][k] / spent["apart"][k] - 1)
+                for name in ("pool", "dask") for k, what in enumerate(("clock", "processor"))
             } | {
                 f"dask_of_pool_by_{what}": float(spent["pool"][k] / spent["dask"][k])
                 for k, what in enumerate(("clock", "processor"))
