@@ -247,3 +247,54 @@ def test_what_was_found_of_a_problem_is_told_of_no_other():
     others = deeper, copy.copy(problem), copy.deepcopy(problem), pickle.loads(pickle.dumps(problem))
     assert [len(other.answers.products) for other in others] == [0] * 4
     assert told(vc.solve(deeper)) == told(vc.solve(uneven(2.0)))
+
+
+@pytest.mark.parametrize("bounded", [False, True], ids=["free", "above a floor"])
+@pytest.mark.parametrize("seed", [8, 12, 16])
+def test_waves_that_travel_leave_many_valleys_and_the_lowest_is_found(seed, bounded):
+    # a curve rides on one wave after another: which of them, and where it changes, makes valley beside valley
+    draws = np.random.default_rng(3).uniform(size=(1 + seed, 5))
+    height, number, pace, *ends = (draws * [1.5, 3, 2, 2.4, 2.4] + [1, 3, 1.5, -1.2, -1.2])[seed]
+
+    def lagrangian(x, y, v, m):
+        return v**2 / 2 + height * m.sin(number * y + pace * x) + 0.35 * y * m.cos(2.9 * x)
+
+    floor = -1.4 if bounded else -2.5
+    x, y = np.linspace(0, 8, 161), np.linspace(floor, 2.5, 401)
+    least = np.full(len(y), np.inf)
+    least[np.argmin(np.abs(y - ends[0]))] = 0.0
+    begin, end = y[np.argmin(np.abs(y - ends[0]))], y[np.argmin(np.abs(y - ends[1]))]
+    for left in x[:-1]:
+        terms = [
+            lagrangian(left + share * x[1], y[:, None] + share * (y - y[:, None]), (y - y[:, None]) / x[1], np)
+            for share in (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12))
+        ]
+        least = (least[:, None] + x[1] * np.mean(terms, axis=0)).min(0)
+    bounds = [vc.Bound(lambda x, y, v: y, lower=floor)] if bounded else []
+    problem = vc.Problem(lambda x, y, v: lagrangian(x, y, v, ca), vc.Fixed(0, begin), vc.Fixed(8, end), bounds)
+    found = vc.solve(problem)
+    assert found.value < least[np.argmin(np.abs(y - end))]
+    assert not found.local
+
+
+def test_a_narrow_strip_between_a_jump_and_a_bound_is_followed():
+    # what departs from a curve that turns has turns of its own, and leaves a strip so narrow
+    def lagrangian(x, y, v, m, above):
+        push = 2.59712 * y * m.exp(-(((x - 3.44) / 0.210902) ** 2))
+        return (1 + 0.5 * m.cos(1.89038 * x)) * v**2 / 2 - push - 1.19735 * above
+
+    def cost(y1, m):
+        return 2 * m.sin(2 * y1 - 1.645) + y1**2 / 2
+
+    problem = vc.Problem(
+        lambda x, y, v: lagrangian(x, y, v, ca, y > 1.02933), vc.Fixed(0, 0.916521), vc.Free(8),
+        [vc.Bound(lambda x, y, v: y, upper=1.036631)], end_cost=lambda x0, y0, x1, y1: cost(y1, ca),
+    )  # fmt: skip
+    x = np.linspace(0, 8, 80001)
+    along, turns = np.array([0, 0.1, 7.9, 8]), np.array([0.916521, 1.034, 1.034, 0.2])
+    y, v = np.interp(x, along, turns), (np.diff(turns) / np.diff(along))[np.searchsorted(along[1:-1], x)]
+    in_strip = np.trapezoid(lagrangian(x, y, v, np, y > 1.02933), x) + cost(0.2, np)
+    found = vc.solve(problem)
+    assert found.value < in_strip
+    assert not found.local
+    assert (found.curve(np.linspace(0.5, 7, 50), 0)[0] > 1.0293).all()

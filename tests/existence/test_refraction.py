@@ -1,5 +1,7 @@
 """Minima that meet kinks and jumps of the Lagrangian in y, in (x, y) and in the slope, against closed forms."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -350,3 +352,60 @@ def test_a_curve_in_balance_on_a_crest_is_no_minimum(crest):
     problem = vc.Problem(lambda x, y, dy: dy**2 / 2 - crest * ca.fabs(y), vc.Fixed(0, 0), vc.Fixed(1, 0))
     solution = vc.solve(problem)
     assert solution.value == pytest.approx(-(crest**2) / 24, abs=1e-12)
+
+
+def let_go(below, above, way, after, kink=1, level=0):
+    """A string at rest on a kink |y - level|, under a load that grows past what that holds.
+
+    L = y'^2/2 + f y + kink |y - level| with f = kink - below up to x = 1, kink + above beyond. The string lets go of
+    the level ``way`` before, to go through it at last and on for as long as ``after``. What is convex has one extremal.
+    """
+    a, b, d, tau, m, c = map(mpf, (below, above, way, after, kink, level))
+    back = d * (a + sqrt(a**2 + a * b)) / b
+    pace, bend = d * sqrt(a**2 + a * b), 2 * m + b
+    pieces = [  # where it begins, its length, ordinate less the level, slope, bend, load
+        (mpf(0), 1 - d, 0, 0, 0, m - a), (1 - d, d, 0, 0, -a, m - a), (mpf(1), back, -a * d**2 / 2, -a * d, b, m + b),
+        (1 + back, tau, 0, pace, bend, m + b),
+    ]  # fmt: skip
+    value = mpf(0)
+    for _, length, y, v, w, f in pieces:
+
+        def along(s, y=y, v=v, w=w, f=f):
+            z = y + v * s + w * s**2 / 2
+            return (v + w * s) ** 2 / 2 + f * (z + c) + m * abs(z)
+
+        value += quad(along, [0, length])
+    ends = vc.Fixed(0, float(c)), vc.Fixed(float(1 + back + tau), float(c + pace * tau + bend * tau**2 / 2))
+
+    def lagrangian(x, y, v):
+        return v**2 / 2 + ca.if_else(x < 1, kink - below, kink + above) * y + kink * ca.fabs(y - level)
+
+    return vc.Problem(lagrangian, *ends), float(value)
+
+
+@pytest.mark.parametrize("case", [(0.5, 1, 0.6, 0.5), (0.1, 0.05, 0.2, 0.3, 2, 1.5), (0.02, 0.01, 0.3, 0.2)])
+@pytest.mark.parametrize("method", [None, vc.Ritz()], ids=["the ladder", "Ritz"])
+def test_a_kink_lets_go_of_what_is_pulled_too_hard(case, method):
+    problem, exact = let_go(*case)
+    found = vc.solve(problem, method)
+    assert abs(found.value - exact) <= found.error.value + 1e-14 * abs(exact)
+    assert found.error.value < 1e-8
+    assert not found.local
+    assert vc.verify(found).verdict is vc.Verdict.MINIMUM
+
+
+def test_a_curve_that_stays_on_a_kink_that_does_not_hold_it_is_not_verified():
+    problem, _exact = let_go(0.5, 1, 0.6, 0.5)
+    x1, y1 = problem.span[1], problem.end.values(1)[0]
+    left = x1 - np.sqrt(2 * y1 / 3)  # where y'' = 2 m + b = 3 leads from the level to the end
+
+    def curve(x, k):
+        after = np.maximum(x - left, 0.0)
+        return np.array([(1.5 * after**2, 3 * after, 3.0 * (after > 0))[k]])
+
+    found = vc.solve(problem)
+    resting = replace(found, curve=curve, extremal=None, x=np.array([0.0, 1.0, left, x1]), value=np.nan)
+    measured = vc.verify(resting)
+    assert measured.verdict is vc.Verdict.NO_EXTREMAL
+    assert any("does not hold it" in finding.sentence for finding in measured.findings)
+    assert not vc.verify(found).evidence["kinks"]

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
 
 import varcalc as vc
 from varcalc.existence.rests import with_rests
@@ -292,3 +292,50 @@ def test_a_wall_that_a_local_minimum_lies_beyond_is_seen():
     problem, exact = wall(0.1, None)
     found = vc.solve(problem, vc.Ritz(elements=4, degree=3, refine=False), throw=False)
     assert not found.status.ok or found.local or found.value <= exact + 1e-3
+
+
+@pytest.mark.parametrize("end", [None, 1.2], ids=["free", "held"])
+def test_what_bends_but_does_not_break_leaves_a_rest_on_a_bound(end):
+    # V = y + 3 max(y - 1/2, 0)^2 >= 0, and L >= |v| sqrt(2 V), with equality where v^2/2 = V
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + y + 3 * ca.fmax(y - 0.5, 0) ** 2, vc.Fixed(0, 1.5),
+        vc.Free(6) if end is None else vc.Fixed(6, end), [vc.Bound(lambda x, y, v: y, lower=0)],
+    )  # fmt: skip
+
+    def way(y):
+        return quad(lambda z: np.sqrt(2 * (z + 3 * max(z - 0.5, 0) ** 2)), 0, y, points=[0.5], epsabs=1e-13)[0]
+
+    exact = way(1.5) + (0 if end is None else way(end))
+    found = vc.solve(problem)
+    assert abs(found.value - exact) <= found.error.value + 1e-12
+    assert found.error.value < 1e-8
+    assert not found.local
+
+
+def test_what_bends_and_a_bound_that_holds_without_a_rest():
+    # the fmax bends L and breaks nothing: no side of it has to be known beside the bound
+    def lagrangian(x, y, v, greater):
+        return v**2 / 2 + y * np.cos(x) + 3 * greater(y - 0.5, 0) ** 2
+
+    n = 600
+    x = np.linspace(0, 6, n + 1)
+    h, middles = x[1], 0.5 * (x[1:] + x[:-1])
+
+    def polygon(free):
+        y = np.append(1.5, free)
+        z, v = 0.5 * (y[1:] + y[:-1]), np.diff(y) / h
+        by_place, by_slope = h * (np.cos(middles) + 6 * np.maximum(z - 0.5, 0)), v
+        gradient = np.append(0.5 * by_place, 0.0) + np.append(0.0, 0.5 * by_place)
+        gradient += np.append(0.0, by_slope) - np.append(by_slope, 0.0)
+        return h * lagrangian(middles, z, v, np.maximum).sum(), gradient[1:]
+
+    options = {"maxiter": 20000, "maxfun": 40000, "ftol": 1e-15, "gtol": 1e-10}
+    least = minimize(polygon, np.full(n, 0.3), jac=True, method="L-BFGS-B", bounds=[(0, 3)] * n, options=options).fun
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + y * ca.cos(x) + 3 * ca.fmax(y - 0.5, 0) ** 2, vc.Fixed(0, 1.5), vc.Free(6),
+        [vc.Bound(lambda x, y, v: y, lower=0)],
+    )  # fmt: skip
+    found = vc.solve(problem)
+    assert abs(found.value - least) < 1e-4
+    assert found.error.value < 1e-8
+    assert not found.local

@@ -244,6 +244,22 @@ def in_directions(solution: Solution) -> Iterator[AlongDirection]:
     return along_directions(Departures.of(solution))
 
 
+def is_polygonal(problem: Functional) -> bool:
+    """Whether curves are graphs of one function of first order, of which polygons are some."""
+    return isinstance(problem, Problem) and problem.n == problem.order == 1
+
+
+def from_polygon(solution: Solution, pieces: int) -> AlongDirection:
+    """The departures from the polygon through a solution that is the graph of one function, on so many pieces.
+
+    What departs from it is a polygon itself, and stays in between straight bounds.
+    """
+    known, curve = Departures.of(solution), solution.curve
+    assert curve is not None
+    x = np.union1d(np.linspace(*known.span, pieces + 1), known.waypoints)
+    return next(along_directions(Departures.of(solution, polygonal(x, curve(x, 0)))))
+
+
 def along_directions(departures: Departures) -> Iterator[AlongDirection]:
     """The directions of departures that are looked at."""
     axes = departures.axes * departures.sizes

@@ -9,11 +9,10 @@ followed to its bottom by the direct method, and what that ends in counts by its
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import casadi as ca
 import numpy as np
@@ -23,6 +22,7 @@ from varcalc.existence.polygons import (
     FAR,
     NEAR,
     PIECES,
+    PIECES_ACROSS,
     Graphs,
     Landscape,
     Lattice,
@@ -43,6 +43,9 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import PROVED, Solution
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.variation import gentle_across
+
+if TYPE_CHECKING:
+    from varcalc.existence.directions import AlongDirection
 
 FOLLOWED, FOLLOWED_ACROSS, FOLLOWED_IN_DIRECTIONS = 3, 4, 4
 """Valleys that are followed from one curve, across a landscape, and in all directions from one."""
@@ -70,6 +73,11 @@ ONE_CURVE, DEPARTURE_PLACES = 0.05, 33
 """Departure from the known curve, in units of the larger extent, of one in the same valley; places where it is told."""
 PLACE = 1
 """The argument of L that is the place."""
+MORE_PIECES, TELLS_VALUE = (20, 40), 0.05
+"""Pieces of polygons where fewer do not tell the known curve's value to that part of what it sums."""
+UNSURE = 2.0
+"""How far polygons' values may be off, in units of what the one through the known curve is off by."""
+LED_NOWHERE = "leads to no minimum that could be found"
 ROUGHLY = 0.05
 """How far above the known value a rough one may be, in units of what is summed, for the valley to be lower."""
 
@@ -139,6 +147,7 @@ class _LookedAt:
 
     number: int = 0
     reach: float = 0.0
+    pieces: int = PIECES
     across: bool = False
     walled: bool = False
     directions: int = 0
@@ -154,7 +163,7 @@ class _LookedAt:
         if not (self.directions or self.reach):
             return "other valleys were not looked for: along the curve's own polygon L is no number"
         nodes = 2 * (len(NEAR) + FAR) + 1
-        looked = f"all polygons on a lattice of {PIECES} by {nodes}"
+        looked = f"all polygons on a lattice of {self.pieces} by {nodes}"
         if self.directions:
             one = self.directions == 1
             looked += f" in {'the one direction' if one else f'{self.directions} directions'} from the curve"
@@ -180,18 +189,53 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish) -> Solution | None:
     assert isinstance(problem, Problem)
     landscape = Graphs(problem)
     with np.errstate(all="ignore"):
-        lattice: Lattice | None = PolygonLattice(landscape, partial(_ordinates, best))
+        lattice: Lattice | None = _telling(
+            best, lambda k: PolygonLattice(landscape, partial(_ordinates, best), pieces=k)
+        )
         worth = partial(_worth_following, best, lattice)
-        valleys = list(islice(filter(worth, lattice.valleys()), FOLLOWED))
+        valleys = _lowest(best, lattice, list(filter(worth, lattice.valleys())), FOLLOWED)
         seen.walled = seen.walled or lattice.walled
+    seen.pieces = max(seen.pieces, lattice.pieces)
     seen.reach, seen.number = lattice.reach, seen.number + len(valleys)
     if (lower := _lower_about(best, lattice, valleys, polish)) is not None:
         return lower
     with np.errstate(all="ignore"):
         lattice = across_the_landscape(landscape, partial(_ordinates, best))
-        valleys = [] if lattice is None else lattice.distinct()[:FOLLOWED_ACROSS]
+        valleys = [] if lattice is None else _lowest(best, lattice, lattice.distinct(), FOLLOWED_ACROSS)
     seen.across, seen.number = lattice is not None, seen.number + len(valleys)
     return None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
+
+
+def _telling(best: Solution, about: Callable[[int], PolygonLattice]) -> PolygonLattice:
+    """The lattice on as many pieces as it takes for the known curve's own polygon to tell its value.
+
+    Where nothing is lower than that the fewest are enough.
+    """
+    lattice = about(PIECES)
+    for pieces in () if lattice.landscape.approximate else MORE_PIECES:
+        told = abs(lattice.own_value - best.problem.sign * best.value) <= TELLS_VALUE * lattice.summed
+        if told or not lattice.summable or not any(valley.value < lattice.own_value for valley in lattice.valleys()):
+            break
+        lattice = about(pieces)
+    return lattice
+
+
+def _lowest(best: Solution, lattice: Lattice, valleys: list[Valley], most: int) -> list[Valley]:
+    """The lowest of the valleys of one function, as many as are followed.
+
+    Where polygons tell no more of their values than others differ by they are moved first.
+    """
+    unsure = UNSURE * abs(lattice.own_value - best.problem.sign * best.value)
+    falling = any(valley.edge for valley in valleys[:most])  # what leaves the lattice is as low as that reaches far
+    if len(valleys) <= most or falling or valleys[most].value > valleys[most - 1].value + unsure:
+        return valleys[:most]
+    valleys = lattice.distinct([valley for valley in valleys if valley.value <= valleys[most - 1].value + unsure])
+    if len(valleys) <= most:
+        return valleys
+    from varcalc.existence.moved_polygons import ranked  # few curves come to this
+
+    order = np.argsort(ranked(lattice.landscape, valleys), kind="stable")
+    return [valleys[k] for k in order[:most].tolist()]
 
 
 def _in_narrow_valleys(best: Solution, seen: _LookedAt, polish: Polish | None) -> Solution | None:
@@ -226,21 +270,20 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
 
     Without ``polish`` polygons are compared, and no valley is followed.
     """
-    from varcalc.existence.cheaper_ends import cheaper_ends
-    from varcalc.existence.directions import in_directions  # few solves need them
+    from varcalc.existence.cheaper_ends import cheaper_ends  # few solves need them
     from varcalc.existence.together import together
 
     found: list[_Found] = []
     with np.errstate(all="ignore"):
-        looked = [(d, PolygonLattice(d, np.zeros_like)) for d in in_directions(best)]
-        looked = [(direction, about) for direction, about in looked if math.isfinite(about.own_value)]
-        acrosses = [across_the_landscape(direction, np.zeros_like) for direction, _ in looked]
+        looked, acrosses = _in_directions(best)
         seen.directions, seen.instead = len(looked), _instead(best.problem)
+        seen.pieces = max([seen.pieces, *(about.pieces for _, about in looked)])
         seen.walled = seen.walled or any(about.walled for _, about in looked)
         seen.across = seen.across or any(across is not None for across in acrosses)
         for (direction, about), across in zip(looked, acrosses, strict=True):
             worth = partial(_worth_following, best, about)
-            valleys = list(islice(filter(worth, about.valleys()), FOLLOWED))
+            valleys = list(filter(worth, about.valleys()))
+            valleys = valleys if best.problem.n == 1 else valleys[:FOLLOWED]
             if not direction.approximate and (fallen := _fallen(best, about, valleys)) is not None:
                 return fallen
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
@@ -248,6 +291,8 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
         box = together([(*pair, across) for pair, across in zip(looked, acrosses, strict=True)])
         bent = cheaper_ends(best)
         found += _across(box) + _across(bent)
+    if len(found) > FOLLOWED_IN_DIRECTIONS:
+        found = list(_closer(best, found))
     found = sorted(found, key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
     seen.together, seen.ends = seen.together or box is not None, seen.ends or bent is not None
     if polish is None:
@@ -259,9 +304,39 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
     return next((lower for lower in followed if lower is not None), None)
 
 
+def _in_directions(best: Solution) -> tuple[list[tuple[AlongDirection, PolygonLattice]], list[Lattice | None]]:
+    """The lattices in each direction from the known curve, and those across the hills and wells there.
+
+    From the polygon through it, where that is admitted: from a curve no polygon departs that is one itself.
+    """
+    from varcalc.existence.directions import from_polygon, in_directions, is_polygonal
+
+    if is_polygonal(best.problem):
+        about = _telling(best, lambda k: PolygonLattice(from_polygon(best, k), np.zeros_like, pieces=k))
+        across = across_the_landscape(from_polygon(best, PIECES_ACROSS), np.zeros_like)
+        if math.isfinite(about.own_value) and (across is None or math.isfinite(across.own_value)):
+            return [(from_polygon(best, about.pieces), about)], [across]
+    looked = [(d, PolygonLattice(d, np.zeros_like)) for d in in_directions(best)]
+    looked = [(direction, about) for direction, about in looked if math.isfinite(about.own_value)]
+    return looked, [across_the_landscape(direction, np.zeros_like) for direction, _ in looked]
+
+
+def _closer(best: Solution, found: list[_Found]) -> Iterator[_Found]:
+    """What was found, those of one function with how high their polygons lie over the known curve once moved."""
+    from varcalc.existence.moved_polygons import ranked  # few curves come to this
+
+    of_one = [f for f in found if f[2].y.ndim == 1]
+    for lattice in dict.fromkeys(f[1] for f in of_one):
+        mine = [f for f in of_one if f[1] is lattice]
+        values = ranked(lattice.landscape, [valley for _, _, valley, _ in mine])
+        yield from ((value - best.problem.sign * best.value, *f[1:]) for value, f in zip(values, mine, strict=True))
+    yield from (f for f in found if f[2].y.ndim > 1)
+
+
 def _across(lattice: Valleys | None) -> list[_Found]:
     """The valleys that are seen across hills and wells."""
-    valleys = [] if lattice is None else lattice.distinct()[:FOLLOWED_ACROSS]
+    valleys = [] if lattice is None else lattice.distinct()
+    valleys = valleys if valleys and valleys[0].y.ndim == 1 else valleys[:FOLLOWED_ACROSS]
     return [(v.value - lattice.own_value, lattice, v, ACROSS) for v in valleys] if lattice is not None else []
 
 
@@ -326,7 +401,6 @@ def _followed(
     best: Solution, lattice: Valleys, valleys: list[Valley], ways: tuple[Ritz, Ritz], polish: Polish
 ) -> Solution | None:
     """The first solution in a valley that is lower, or the known one marked for a polygon that is; None for neither."""
-    sign, (rough_way, exact_way) = best.problem.sign, ways
     seen_first = any(best.problem.of_type(Bound)) or breakable(best.problem)
     for valley in valleys:
         if seen_first and valley.y.ndim == 1:
@@ -334,20 +408,33 @@ def _followed(
             if (found := _by_moved_polygon(best, lattice, valley, polish)) is not None:
                 return found
             continue
-        start = lattice.landscape.along(valley.start)
-        rough = polish(rough_way, start)
-        # a coarse mesh may say of a steep curve no more than that it is far lower
-        low = sign * (rough.value - best.value) < ROUGHLY * lattice.summed
-        if low and not _departure(rough, best) < ONE_CURVE:
-            # what a coarse mesh does not hold asks for many elements
-            many = exact_way if rough.status.ok else ACROSS[1]
-            found = polish(many, start)
-            if not found.status.ok and many != exact_way:
-                found = polish(exact_way, start)
-            if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
-                return found
+        if (found := _by_meshes(best, lattice, valley, ways, polish)) is not None:
+            return found
         if (marked := _by_polygon(best, lattice, valley, followed=True)) is not None:
             return marked
+    return None
+
+
+def _by_meshes(
+    best: Solution, lattice: Valleys, valley: Valley, ways: tuple[Ritz, Ritz], polish: Polish
+) -> Solution | None:
+    """The solution in a valley, or the known one marked where a rough mesh alone held it; None where it is no lower."""
+    sign, (rough_way, exact_way) = best.problem.sign, ways
+    start = lattice.landscape.along(valley.start)
+    rough = polish(rough_way, start)
+    # a coarse mesh may say of a steep curve no more than that it is far lower
+    low = sign * (rough.value - best.value) < ROUGHLY * lattice.summed
+    if not low or _departure(rough, best) < ONE_CURVE:
+        return None
+    # what a coarse mesh does not hold asks for many elements
+    many = exact_way if rough.status.ok else ACROSS[1]
+    found = polish(many, start)
+    if not found.status.ok and many != exact_way:
+        found = polish(exact_way, start)
+    if found.status.ok:
+        return found if _is_lower(found.value, best, found.error.value, LOWER) else None
+    if rough.status.ok and _is_lower(rough.value, best, rough.error.value, SURELY_LOWER):
+        return _marked(best, f"a rough curve has the value {rough.value:.6g}, and {LED_NOWHERE}")
     return None
 
 
@@ -371,10 +458,14 @@ def _by_polygon(best: Solution, lattice: Valleys, valley: Valley, *, followed: b
     value = _along(lattice.landscape, valley)
     if not _is_lower(value, best, 0.0, SURELY_LOWER):
         return None
+    tried = LED_NOWHERE if followed else "was not followed: solve by Ritz()"
+    return _marked(best, f"a polygon has the value {value:.6g}, and {tried}")
+
+
+def _marked(best: Solution, known: str) -> Solution:
+    """The solution marked as a local one for what is ``known``."""
     kind = "maximum" if best.problem.sign < 0 else "minimum"
-    tried = "leads to no minimum that could be found" if followed else "was not followed: solve by Ritz()"
-    message = f"a local {kind} only: a polygon has the value {value:.6g}, and {tried}"
-    return replace(best, local=True, message=message)
+    return replace(best, local=True, message=f"a local {kind} only: {known}")
 
 
 def _departure(solution: Solution, best: Solution) -> float:

@@ -6,20 +6,18 @@ The abscissae at which a curve is broken are unknowns, with Weierstrass and Erdm
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 
 import casadi as ca
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from varcalc.existence.above_kinks import as_held
 from varcalc.existence.held_throughout import Curve
 from varcalc.existence.rounded import ordinates_of
 from varcalc.formulation import Refraction, Ride, broken_form, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
-from varcalc.formulation.height import height
 from varcalc.methods.answer import lifted, runs_forwards
 from varcalc.methods.crossings import (
     ARGUMENT_ROUND_OFF,
@@ -31,10 +29,10 @@ from varcalc.methods.crossings import (
 )
 from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
-from varcalc.numerics.mesh import composite_gauss
-from varcalc.problem.breaks import integrals
+from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
+from varcalc.verify.held_by_kinks import Release, released
 
 STEPS_ALONG_KINKS = 60
 """Iterations in which a curve that follows kinks is found where it does: a few."""
@@ -51,11 +49,6 @@ ROUNDS = 6
 BESIDE_JUMP, FURTHER_ASIDE = 1e-3, 10.0
 """Distance from a jump, in units of what counts as on it, at which a curve runs that would run along it; and by what
 factor it grows where the curve strays across all the same."""
-ARCH = Polynomial([0.0, 0.0, 16.0, -32.0, 16.0])
-"""A bump on [0, 1] that is level at its ends."""
-BUMPS, BUMP_ROUND_OFF = (1e-4, 1e-6), 1e-13
-"""Heights of bumps, in units of the curve's, by which it is seen that a kink holds a curve; what sums are off by."""
-BUMP_ELEMENTS, BUMP_POINTS = 8, 12
 PLACES_OF_PIECE = 33
 """Places of a piece at which it is seen whether it runs along a jump."""
 SAME_PLACE = 1e-9
@@ -87,7 +80,11 @@ def settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: lis
             if not unmet(problem, seen, corners(solution)):
                 return None
         elif not unmet(problem, seen, corners(solution)):
-            return _off_by(solution, on_jump) if _held_there(problem, solution, seen) else None
+            freed = _let_go(solution, seen)
+            if freed is None:
+                return _off_by(solution, on_jump)
+            (curve, found), on_jump = freed, None
+            continue
         curve, found, on_jump = solution.curve, seen, None
     return None
 
@@ -136,37 +133,36 @@ def _off_by(solution: Solution, on_jump: float | None) -> Solution:
     return replace(solution, error=replace(solution.error, value=solution.error.value + abs(solution.value - on_jump)))
 
 
-def _held_there(problem: Problem, solution: Solution, seen: list[Crossing]) -> bool:
-    """Whether small bumps either way, where a curve rests on a kink of its place, make the functional worse.
+def _let_go(solution: Solution, seen: list[Crossing]) -> tuple[Curve, list[Crossing]] | None:
+    """A curve that leaves a kink where that does not hold the solution, and its crossings; None where all hold it."""
+    curve = solution.curve
+    assert curve is not None
+    for k, ride in enumerate(seen):
+        release = released(solution, ride)
+        if release is None:
+            continue
 
-    On a crest of L a curve is in balance, too.
-    """
-    assert solution.curve is not None
-    extent = max(float(np.abs(solution.curve(solution.x, 0)).max()), height(formulate(problem)))
-    bumps = np.concatenate([np.eye(problem.n), -np.eye(problem.n)])[:, :, None]
-    for stretch in ((c.x, c.until) for c in seen if c.until is not None):
-        value = partial(_bumped, problem, solution, stretch)
-        own = value(0.0 * bumps[0])
-        if any(value(share * extent * bump) < own - BUMP_ROUND_OFF * abs(own) for share in BUMPS for bump in bumps):
-            return False
-    return True
+        def bent(x: np.ndarray, derivative: int, release: Release = release) -> np.ndarray:
+            return curve(x, derivative) + release.bump(x, derivative)
+
+        return bent, [*seen[:k], *_parted(solution.problem, bent, ride, release), *seen[k + 1 :]]
+    return None
 
 
-def _bumped(problem: Problem, solution: Solution, stretch: tuple[float, float], bump: np.ndarray) -> float:
-    """What is minimised, levels and their multipliers included, over a stretch of a curve with a ``bump`` (n, 1)."""
-    assert solution.curve is not None
-    first, last = stretch
-    x, weights = composite_gauss(np.linspace(first, last, 1 + BUMP_ELEMENTS), BUMP_POINTS)
-    part, width = (x - first) / (last - first), last - first
-    bent = [
-        solution.curve(x, k) + bump * (ARCH.deriv(k) if k else ARCH)(part) / width**k for k in range(1 + problem.order)
-    ]
-    bend = [] if problem.order == 2 else [np.zeros((0, len(x)))]
-    unknowns = np.array([solution.unknowns[name] for name in problem.unknowns])
-    columns = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, unknowns)]
-    terms = integrals(problem).call([x[None], *bent, *bend, *columns])
-    weighed = np.array([1.0, *(-m for m in solution.multipliers if isinstance(m, float))])
-    return problem.sign * float(weighed @ np.vstack([np.asarray(term) for term in terms]) @ weights)
+def _parted(problem: Functional, bent: Curve, ride: Crossing, release: Release) -> Iterator[Crossing]:
+    """What is left of a ride before and after it is let go; crossings where no more is, to another side."""
+    assert ride.until is not None
+    least = NEAR_ENDS * (problem.span[1] - problem.span[0])
+    number = next(i for i, switch in enumerate(on_curve(problem)) if switch is ride.switch)
+    between, *beside = (
+        float(arguments_along(problem, bent, np.array([x]), problem.unknown_guesses)[number, 0]) - ride.level
+        for x in (0.5 * (release.start + release.end), ride.x - least, ride.until + least)
+    )
+    for (first, last), outside in zip(((ride.x, release.start), (release.end, ride.until)), beside, strict=True):
+        if last - first > least:
+            yield replace(ride, x=first, until=last)
+        elif outside * between < 0:
+            yield replace(ride, x=0.5 * (first + last), until=None)
 
 
 def _vanished(solution: Solution) -> np.ndarray:

@@ -6,6 +6,7 @@ About a polygon the least one in departures along each axis is found, again and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -65,6 +66,22 @@ def moved_on(landscape: Landscape, valley: Valley) -> Valley:
     step = np.array([float(np.ptp(valley.y)) / STEPS_HIGH])
     x, ordinates, values = refined(_Alone(landscape), valley.x, y, step, 1)
     return marked(replace(valley, x=x, y=ordinates[0, :, 0], value=float(values[0])))
+
+
+def ranked(landscape: Landscape, valleys: Sequence[Valley]) -> list[float]:
+    """What polygons of one function come to when they are moved a little, on twice as many pieces.
+
+    A lattice tells which of many is the lowest no better than its pieces hold them.
+    """
+    x, rows = valleys[0].x, np.stack([valley.y for valley in valleys])
+    finer = np.union1d(x, (x[1:] + x[:-1]) / 2)
+    y = np.stack([np.interp(finer, x, row) for row in rows])[:, :, None]
+    step, values = np.array([float(np.ptp(rows)) / STEPS_HIGH]), np.zeros(len(y))
+    for _ in range(HALVINGS):
+        for _ in range(SWEEPS):
+            y, values = moved(_Alone(landscape), finer, y, MOVES[:, None] * step)
+        step = step / 2
+    return values.tolist()
 
 
 def marked(valley: Valley) -> Valley:

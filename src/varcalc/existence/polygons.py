@@ -12,7 +12,7 @@ evenly, with the ones on which a resting curve is cheapest among them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -21,6 +21,7 @@ import numpy as np
 
 from varcalc.existence.falling import Fall, falls_along
 from varcalc.formulation import Sampled
+from varcalc.numerics.mesh import gauss
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.problem import Problem
 
@@ -54,6 +55,13 @@ APART = 1.5
 """Levels by which two polygons differ somewhere that are in valleys of their own."""
 ROUNDED_BITS = 10
 """Binary digits to which a step of the lattice is divided in the polygons that are started from."""
+RULES, FINEST_RULE, NEARLY_KNOWN = (1, 2, 4), 8, 0.02
+"""Gauss points on a piece; those that are taken to know what a line sums, and to which part of that it has to be known.
+
+What varies along the interval more than once or twice a piece misleads the midpoint rule.
+"""
+BESIDE_OWN = np.arange(-6, 7, 2)
+"""Levels beside the curve's along which it is seen how many are needed."""
 NO_RIDGE = 1e-12
 """Height of a ridge, relative to what is summed, that is round-off."""
 PIECES_ACROSS, LEVELS = 24, 64
@@ -230,15 +238,53 @@ class Lattice:
         self.landscape, self.x, self.nodes, self.own, self.reach, self.steep = landscape, x, nodes, own, reach, steep
         self.c = nodes[np.arange(len(x)), own]
         self.steps = np.diff(x)
-        self.middle, self.centre = 0.5 * (x[1:] + x[:-1]), 0.5 * (self.c[1:] + self.c[:-1])
-        self.slope = (np.diff(self.c, axis=0).T / self.steps).T
+        self.middle, self.slope = 0.5 * (x[1:] + x[:-1]), (np.diff(self.c, axis=0).T / self.steps).T
 
     @cached_property
     def costs(self) -> np.ndarray:
-        """What each piece adds that leads from one node to another, (K, J, J), by the midpoint rule."""
+        """What each piece adds that leads from one node to another, (K, J, J)."""
         first, last, h = self.nodes[:-1, :, None], self.nodes[1:, None, :], self.steps[:, None, None]
-        values = values_of(self.landscape, self.middle[:, None, None], 0.5 * (first + last), (last - first) / h)
+        values = self._meant(self._rule, self.x[:-1, None, None], h, first, last)
         return np.where(np.isfinite(values), values, np.inf) * h
+
+    @cached_property
+    def _rule(self) -> int:
+        """The Gauss points on a piece: the fewest by which what lines near the curve sum is nearly known, mostly.
+
+        Where none do, as beside a singular end, they are as good as any.
+        """
+        beside = np.clip(self.own + BESIDE_OWN[:, None], 0, self.nodes.shape[1] - 1)
+        lines = self.nodes[np.arange(len(self.x)), beside]
+        known, room = self._along(FINEST_RULE, lines), self._known_nearly
+        for points in RULES:
+            missed = np.abs(self._along(points, lines) - known)
+            missed = missed[np.isfinite(missed)]
+            if not (len(missed) and np.median(missed) > room):
+                return points
+        return RULES[0]
+
+    @cached_property
+    def _known_nearly(self) -> float:
+        """How nearly sums have to be known."""
+        pieces = self._meant(FINEST_RULE, self.x[:-1], self.steps, self.c[:-1], self.c[1:])
+        return NEARLY_KNOWN * float(np.abs(pieces) @ self.steps)
+
+    @property
+    def summable(self) -> bool:
+        """Whether what the curve's own polygon sums is nearly known: at a singular end no rule tells it."""
+        return abs(float(self._along(FINEST_RULE, self.c)) - float(self.own_costs.sum())) <= self._known_nearly
+
+    def _along(self, points: int, curves: np.ndarray) -> np.ndarray:
+        """What polygons through ``curves`` (..., K + 1) sum, by so many Gauss points a piece."""
+        return self._meant(points, self.x[:-1], self.steps, curves[..., :-1], curves[..., 1:]) @ self.steps
+
+    def _meant(self, points: int, x: np.ndarray, h: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """L on average along pieces that begin at x, ``h`` long, by so many Gauss points."""
+        nodes, weights = gauss(points)
+        slope = (last - first) / h
+        share = 0.5 * (1 + nodes).reshape(-1, *np.ones(np.ndim(slope), dtype=int))
+        values = values_of(self.landscape, x + share * h, first + share * (last - first), slope[None])
+        return 0.5 * np.tensordot(weights, values, 1)
 
     @cached_property
     def walls(self) -> np.ndarray:
@@ -260,6 +306,10 @@ class Lattice:
 
     def valleys(self) -> list[Valley]:
         """The least polygons through nodes at which a row has a minimum, but for the curve's own, the lowest first."""
+        return self._valleys
+
+    @cached_property
+    def _valleys(self) -> list[Valley]:
         costs = np.where(self.walls[1:, None, :], np.inf, self.costs)
         paths = self._closed_paths(costs) if self.landscape.closed else self._paths(costs)
         return [self._valley(path, value) for path, value in sorted(paths.items(), key=lambda p: p[1])]
@@ -324,10 +374,11 @@ class Lattice:
         y = self.nodes[np.arange(len(self.x)), numbers]
         return Valley(self.x, y, value, edge, apart=float(np.median(np.diff(self.nodes, axis=1))))
 
-    @property
+    @cached_property
     def own_costs(self) -> np.ndarray:
         """What the pieces of the curve's own polygon add, (K,)."""
-        return self.costs[np.arange(len(self.steps)), self.own[:-1], self.own[1:]]
+        means = self._meant(self._rule, self.x[:-1], self.steps, self.c[:-1], self.c[1:])
+        return np.where(np.isfinite(means), means, np.inf) * self.steps
 
     @property
     def summed(self) -> float:
@@ -349,10 +400,10 @@ class Lattice:
         """The departure by which two polygons are in valleys of their own."""
         return APART * float(np.median(np.diff(self.nodes, axis=1)))
 
-    def distinct(self) -> list[Valley]:
-        """The lowest valleys of which none comes near another, or the curve's own polygon, all along."""
+    def distinct(self, among: Sequence[Valley] | None = None) -> list[Valley]:
+        """The lowest valleys, ``among`` some, of which none comes near another, or the own polygon, all along."""
         kept, found = [self.c], []
-        for valley in self.valleys():
+        for valley in self.valleys() if among is None else among:
             if all((np.abs(valley.y - y) > self.room).any() for y in kept):
                 kept.append(valley.y)
                 found.append(valley)
@@ -391,9 +442,7 @@ class Lattice:
         """Whether a ridge lies between the curve's polygon and a valley, or nothing but a way down leads there."""
         away = valley.y - self.c
         shares = np.vstack([BETWEEN, [[0.0]], [[1.0]]])
-        y = self.centre + shares * 0.5 * (away[1:] + away[:-1])
-        values = values_of(self.landscape, self.middle, y, self.slope + shares * np.diff(away) / self.steps)
-        sums = (values * self.steps).sum(1)
+        sums = self._along(self._rule, self.c + shares * away)
         for side in (0, 1):
             sums = sums + self.landscape.at_end(side, self.c[-side] + shares[:, 0] * away[-side])
         own, there = sums[-2], sums[-1]
@@ -428,10 +477,11 @@ class PolygonLattice(Lattice):
     """Polygons about a curve: K pieces, and at each of the vertices J departures, the middle one 0."""
 
     def __init__(
-        self, landscape: LandscapeWithUnit, ordinates: Callable[[np.ndarray], np.ndarray], unit: float | None = None
-    ) -> None:
-        a, b = landscape.span
-        x = np.union1d(np.linspace(a, b, PIECES + 1), landscape.waypoints)
+        self, landscape: LandscapeWithUnit, ordinates: Callable[[np.ndarray], np.ndarray], unit: float | None = None,
+        pieces: int = PIECES,
+    ) -> None:  # fmt: skip
+        self.pieces, (a, b) = pieces, landscape.span
+        x = np.union1d(np.linspace(a, b, pieces + 1), landscape.waypoints)
         c = ordinates(x)
         extent = landscape.extent(c)
         unit = unit or _unit(landscape, x, c, extent)

@@ -222,7 +222,8 @@ class _Surfaces:
         """The place of a way at which it is clearest on which side of each kink the curve is."""
         x = np.linspace(*way, PLACES_OF_WAY)[1:-1]
         values = np.abs(self.values(curve, x)[: len(self.switches)])
-        return float(x[np.argmax((values / np.maximum(values.max(1, keepdims=True), 1e-300)).min(0))])
+        clear = (values / np.maximum(values.max(1, keepdims=True), 1e-300)).min(0, initial=1.0)
+        return float(x[np.argmax(clear)])
 
     def contacts(self, curve: CurveOrSlope, found: Sequence[Crossing]) -> list[Contact]:
         """The contacts where a curve meets kinks, as it was ``found`` to, and where it is at bounds.

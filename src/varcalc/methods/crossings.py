@@ -34,6 +34,8 @@ WAVERING = 30.0
 """Argument, in units of what counts as zero, up to which a curve comes back to a kink that it follows."""
 STRAIGHT = 0.6
 """Pace in the middle of where an argument is small, in units of what takes it straight through, that is as good."""
+LEFT_BEHIND = 0.125
+"""Share of what counts as zero to which the last place before it is left shows more of what goes straight away."""
 MOST_PLACED = 6
 """Switches of the place whose ordinates are looked for."""
 STEPS_ONTO_SWITCH, BESIDE_SWITCH = 8, 1e-9
@@ -178,7 +180,8 @@ def _of_one(
         long = x[run[-1]] - x[run[0]] > RIDDEN * (x[-1] - x[0])
         # a curve that begins or ends beside a switch goes from there, straight, to one side
         at_one_end = (run[0] > 0) != (run[-1] < len(x) - 1)
-        across = abs(float(values[run[-1]]) - float(values[run[0]])) if at_one_end else 2 * small
+        there = max(abs(float(values[run[-1]]) - float(values[run[0]])), LEFT_BEHIND * small)
+        across = there if at_one_end else 2 * small
         if long and not (switch.jumps or switch.smooth) and _lingers(values[run], x[run], across):
             found.append(Crossing(switch, float(x[run[0]]), until=float(x[run[-1]])))
     known = np.flatnonzero(side != 0.0) if not switch.stepped else np.arange(len(x))

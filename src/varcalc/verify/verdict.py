@@ -13,6 +13,7 @@ from varcalc.solution import Finding, Solution, Verdict
 from varcalc.verify.candidate import candidate
 from varcalc.verify.check import CHECKS_GROUP, Check
 from varcalc.verify.corners import Corners
+from varcalc.verify.held_by_kinks import HeldByKinks
 from varcalc.verify.invariants import FirstIntegrals
 from varcalc.verify.legendre import LegendreCondition
 from varcalc.verify.morse import JacobiEquation
@@ -24,7 +25,7 @@ from varcalc.verify.verification import Verification, first_held
 from varcalc.verify.weierstrass import WeierstrassCondition
 
 CHECKS = (
-    EulerLagrange(), FirstIntegrals(), Corners(), LegendreCondition(), JacobiEquation(), RitzHessian(),
+    EulerLagrange(), FirstIntegrals(), Corners(), HeldByKinks(), LegendreCondition(), JacobiEquation(), RitzHessian(),
     SecondVariation(), WeierstrassCondition(), Value(),
 )  # fmt: skip
 """The checks of this package, in the order of their findings. A new one is added here, and nowhere else."""

@@ -22,6 +22,7 @@ from varcalc.formulation.height import flat
 from varcalc.methods.answer import AlongGraph, Extremal, SampledExtremal, answer, unsettled, with_ends
 from varcalc.methods.ritz.degeneracy import degenerate
 from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
+from varcalc.methods.ritz.held_ends import held_ends, holds_free_ends
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
 from varcalc.methods.ritz.layers import cuts, hidden, layered
 from varcalc.methods.ritz.newton import NO_NUMBER, Newton, load, minimise
@@ -139,7 +140,7 @@ class Ritz(Brief):
         solution, climbs = None, list[_Climb]()
         if form.has_bounds:
             solution = self._unbound(form, tol, guess)
-            if solution is None and self.refine and (touchable(form) or steep(form)):
+            if solution is None and self.refine and (touchable(form) or steep(form) or holds_free_ends(form)):
                 solution = self._through_contacts(form, tol, guess, climbs)
         if solution is None:
             climbs.append(_Climb(self, form, tol))
@@ -159,9 +160,24 @@ class Ritz(Brief):
         return _Climb(self, form, tol).continued(degree, coefficients)
 
     def _unbound(self, form: Form, tol: float, guess: Sampled | None) -> Solution | None:
-        """The minimum without the inequalities where it keeps them; None where they bind it, or none is found."""
+        """The minimum without the inequalities where it keeps them, or where they hold no more than its free ends.
+
+        None where they bind it otherwise, or none is found.
+        """
         free = _Climb(replace(self, starts=1), without_inequalities(form), tol).run(guess)
-        return kept(form, replace(free, method=self)) if free.status.ok else None
+        if not free.status.ok:
+            return None
+        if (found := kept(form, replace(free, method=self))) is not None:
+            return found
+        return self._with_held_ends(form, free, tol, guess)
+
+    def _with_held_ends(self, form: Form, seen: Solution, tol: float, guess: Sampled | None) -> Solution | None:
+        """The answer with free ends given where bounds hold them, as ``seen`` shows; None where none hold them."""
+        for way in held_ends(form, seen):
+            solution = self.solve(way.form, tol=tol, guess=guess)
+            if solution.status.ok and way.presses(solution):
+                return solution
+        return None
 
     def _through_contacts(self, form: Form, tol: float, guess: Sampled | None, climbs: list[_Climb]) -> Solution | None:
         """The answer with the ends of contact among the unknowns; None where that leads to none that counts.
@@ -189,9 +205,11 @@ class Ritz(Brief):
 
     def _held(self, form: Form, first: Solution, started: float, tol: float) -> Solution | None:
         """The answer with the contacts of a ``first`` one as equations; None where it does not count."""
+        if (found := self._with_held_ends(form, first, tol, None)) is not None:
+            return self._timed(found, first, started)
         if steep(form):
             return self._at_steepest(form, first, started, tol)
-        for found in touching(form, first):
+        for found in touching(form, first) if touchable(form) else ():
             solution = _Climb(replace(self, elements=1, degree=None, starts=1), found.form, tol).run(None)
             if not (solution.status.ok and found.counts(solution)):
                 continue

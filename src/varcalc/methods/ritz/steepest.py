@@ -71,7 +71,7 @@ def at_bounds(form: Form, contacts: Sequence[Contact], vertices: Iterable[float]
     )
     ends = {e for c in contacts for e in (c.start, c.end) if form.span[0] < e < form.span[1]}
     knots = tuple(sorted({*form.conditions.knots, *ends, *vertices}))
-    points = {c.start: _ordinate(form, bounds[c.index].expression, c) for c in contacts if c.start == c.end}
+    points = {c.start: ordinate_at(form, bounds[c.index].expression, c) for c in contacts if c.start == c.end}
     given = [side.copy() for side in (form.ends.start, form.ends.end)]
     for side, x in zip(given, form.span, strict=True):
         side[0, 0] = points.pop(x, side[0, 0])
@@ -80,7 +80,7 @@ def at_bounds(form: Form, contacts: Sequence[Contact], vertices: Iterable[float]
     return replace(form, ends=replace(form.ends, start=given[0], end=given[1]), conditions=conditions, cache=Cache())
 
 
-def _ordinate(form: Form, expression: ca.SX, contact: Contact) -> float:
+def ordinate_at(form: Form, expression: ca.SX, contact: Contact) -> float:
     """The ordinate at which an expression of the place has the level of a contact that is a point."""
     s, y = form.symbols, 0.0
     newton = s.y - (expression - contact.level) / ca.gradient(expression, s.y)

@@ -54,7 +54,7 @@ def touchable(form: Form) -> bool:
     plain = isinstance(problem, Problem) and problem.n == 1 and not form.stated.is_lifted
     levels = all(c.equality for c in form.conditions.integrals)
     # marks of what lies between the points are no breakpoints of the problem's
-    if not (plain and levels) or breaks(problem) or form.conditions.waypoints or form.ends.joint is not None:
+    if not (plain and levels) or breaks(problem) or form.conditions.waypoints or form.ends.equations:
         return False
     bounds = all(isinstance(problem.constraints[c.index], Bound) and not c.equality for c in form.conditions.pathwise)
     highest = form.symbols.highest
