@@ -89,9 +89,10 @@ def seconds(
     source: Callable[..., vc.Problem], count: int, pool: Executor, dask: Executor, cores: int
 ) -> dict[str, np.ndarray]:
     """The least seconds of a few sweeps each way, in turn: of the wall clock, and of the processor."""
+    parts = [(source, count, part, cores) for part in range(cores)]
     ways: dict[str, Callable[[], object]] = {
         "alone": lambda: in_a_row(source, count, 0, 1),
-        "apart": lambda: list(pool.map(in_a_row, *zip(*((source, count, k, cores) for k in range(cores)), strict=True))),
+        "apart": lambda: list(pool.map(in_a_row, *zip(*parts, strict=True))),
         "pool": lambda: vc.sweep(source, values(count), executor=pool, cores=cores),
         "dask": lambda: vc.sweep(source, values(count), executor=dask, cores=cores),
     }

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
@@ -19,6 +17,7 @@ from varcalc.report.subjects import Kind, Subject
 from varcalc.report.system_page import system_page
 from varcalc.report.words import about_section, source_section
 from varcalc.study.user_file import BROKEN
+from varcalc.workers import Workers
 
 INDEX = "index.html"
 FAILED = "this page could not be made"
@@ -108,13 +107,12 @@ def _finished(
     subjects: Sequence[Subject], write: Callable[[Subject], Entry], cores: int
 ) -> Iterator[tuple[Subject, Entry | None]]:
     """Subjects with their entries as they are finished; None for those that ran when a process died, and the end."""
-    others = set(multiprocessing.active_children())
     waiting, running = list(reversed(subjects)), dict[Future[Entry], Subject]()
-    pool = ProcessPoolExecutor(cores, multiprocessing.get_context("spawn"), initializer=_left_alone)
+    workers = Workers(cores)
     try:
         while waiting or running:
             while waiting and len(running) < cores:
-                running[pool.submit(write, waiting[-1])] = waiting[-1]
+                running[workers.submit(write, waiting[-1])] = waiting[-1]
                 waiting.pop()
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             if any(isinstance(future.exception(), BrokenProcessPool) for future in done):
@@ -129,11 +127,5 @@ def _finished(
     finally:
         # interrupted, maybe before a page that was begun could be noted: what is not finished is not waited for
         if running or waiting:
-            for child in set(multiprocessing.active_children()) - others:
-                child.terminate()
-        pool.shutdown(cancel_futures=True)
-
-
-def _left_alone() -> None:
-    """A worker leaves the interrupt key to the process that started it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+            workers.dismiss()
+        workers.shutdown()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import pickle
 import sys
 import threading
@@ -10,7 +9,7 @@ import time
 import uuid
 from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -18,6 +17,7 @@ from typing import Any
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solve.point import SweepPoint
 from varcalc.solve.row import Source, SweepRow, Values
+from varcalc.workers import Workers
 
 CHUNKS_A_WORKER = 2
 """Chunks for each worker: the second evens out what the first cost."""
@@ -110,20 +110,16 @@ class _Sharing:
 
     def __init__(self, job: Job, points: list[Values], executor: Executor | None, cores: int) -> None:
         size = max(1, min(LARGEST_CHUNK, -(-len(points) // (CHUNKS_A_WORKER * cores))))
-        self.job, self.points, self.given, self.cores = job, points, executor, cores
+        self.job, self.points, self.cores = job, points, cores
         self.waiting = deque(range(k, min(k + size, len(points))) for k in range(0, len(points), size))
         self.suspects: deque[range] = deque()
         self.running: dict[Future[bytes], range] = {}
         self.on_trial = False
         self.broken: BrokenExecutor | None = None
-        self.executor = executor or self._pool()
+        self.executor = Workers(cores) if executor is None else executor
         self.first = self.executor.submit(_begun) if executor is None else None
-        # no more are sent to a pool of our own than it works at, so that few are suspect when it breaks
+        # no more are sent to workers of our own than they work at, so that few are suspect when one dies
         self.at_once = cores + 1 if executor is None else len(points)
-
-    def _pool(self) -> Executor:
-        # a forked process would inherit the locks of threads that are not there
-        return ProcessPoolExecutor(self.cores, multiprocessing.get_context("spawn"))
 
     def reports(self) -> Iterator[tuple[slice, list[SweepPoint]]]:
         """What the workers report, until all is done."""
@@ -165,23 +161,25 @@ class _Sharing:
             self.suspects.extend(_halves(piece) if self.on_trial else [piece])
 
     def _renew(self, error: BrokenExecutor) -> None:
-        """Take a new pool for one that is broken; what broke it is raised where the executor is another's.
+        """Take new workers for those of whom one died; what broke the executor is raised where it is another's.
 
         Raises RuntimeError where no worker ever began, since no other one will.
         """
-        if self.given is not None:
+        if not isinstance(self.executor, Workers):
             raise error
         if self.first is not None and self.first.exception() is not None:
             raise RuntimeError(UNGUARDED) from error
-        self.executor.shutdown()
-        self.executor, self.broken = self._pool(), None
+        self.executor.dismiss()
+        self.executor, self.broken = Workers(self.cores), None
 
     def end(self) -> None:
-        """Leave nothing behind that runs."""
+        """Leave nothing behind that runs; what is still running is not waited for."""
         for future in self.running:
             future.cancel()
-        if self.given is None:
-            self.executor.shutdown(wait=True, cancel_futures=True)
+        if isinstance(self.executor, Workers):
+            if self.running:
+                self.executor.dismiss()
+            self.executor.shutdown()
 
 
 def _halves(piece: range) -> list[range]:
