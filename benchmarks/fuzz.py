@@ -63,7 +63,8 @@ def limited(seconds: float) -> Iterator[None]:
         raise Hang
 
     before = signal.signal(signal.SIGPROF, late)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
+    # once more each second: what is raised while an object is thrown away is lost
+    signal.setitimer(signal.ITIMER_PROF, seconds, 1.0)
     try:
         yield
     finally:

@@ -35,6 +35,28 @@ def test_a_piece_is_the_expression_on_its_sides_and_its_ends_are_where_it_stops_
         assert all(np.all(column > 0) or np.all(column < 0) for column in values[:, 1:].T if len(column))
 
 
+@pytest.mark.parametrize("name", WRITTEN)
+def test_pieces_of_one_kind_are_written_alike(name):
+    r = ca.SX.sym("r", 2)
+    pieces = Sides.of(ca.SX(WRITTEN[name](r[0], r[1])), r)
+    points = np.random.default_rng(5).uniform(-1, 1, (300, 2))
+    written = {}
+    for point, key in zip(points, pieces.at(points), strict=True):
+        kind, own = pieces.kind(key), pieces.piece(key)
+        if kind is None:
+            continue
+        counted = pieces.piece(key, counted=True)
+        if kind not in written:
+            parts = [counted.expression, *counted.ends]
+            written[kind] = ca.Function("kind", [r, pieces.counts], [ca.vertcat(*parts)]), counted.beyond
+        of_kind, _ = written[kind]
+        here = ca.Function("piece", [r], [ca.vertcat(own.expression, *own.ends)])
+        assert counted.beyond == own.beyond
+        np.testing.assert_allclose(
+            np.array(of_kind(point, counted.counts)), np.array(here(point)), rtol=1e-14, atol=1e-15
+        )
+
+
 def test_beyond_an_end_is_the_next_side_of_the_place_that_is_crossed():
     r = ca.SX.sym("r", 1)
     pieces = Sides.of(ca.floor(r) + ca.fabs(r - 0.25) + ca.if_else(0.25 - r > 0, 1, 2), r)

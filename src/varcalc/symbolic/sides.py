@@ -44,14 +44,16 @@ class FunctionOnSide:
 
 @dataclass(frozen=True)
 class ExpressionOnSide:
-    """What an ``expression`` is on one side of each of its switches, whole numbers put in.
+    """What an ``expression`` is on one side of each of its switches.
 
     ``ends`` vanish where the piece does; ``beyond`` holds for each of them the place that is crossed and the new side.
+    Whole numbers are put in, or are symbols for which ``counts`` stand.
     """
 
     expression: Expression
     ends: tuple[Expression, ...]
     beyond: tuple[tuple[int, int], ...]
+    counts: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -143,26 +145,39 @@ class Sides:
         values = np.nan_to_num(self._values(len(points), points), nan=1.0)
         return np.where([p.stepped for p in self.places], np.floor(values), np.sign(values)).astype(int)
 
-    def piece(self, numbers: Sequence[int]) -> ExpressionOnSide:
-        """The one result of the function on sides that :meth:`at` tells, and where that ends, of its own symbols."""
+    def piece(self, numbers: Sequence[int], *, counted: bool = False) -> ExpressionOnSide:
+        """The one result of the function on sides that :meth:`at` tells, and where that ends, of its own symbols.
+
+        Where it is ``counted`` whole numbers stay the symbols :attr:`counts`, so that pieces of one :meth:`kind` are
+        written alike.
+        """
         below = [int(numbers[k]) for k in self.stepped]
-        one = self.on([0 if p.stepped else int(n) or 1 for p, n in zip(self.places, numbers, strict=True)], below)
+        side = [0 if p.stepped else int(n) or 1 for p, n in zip(self.places, numbers, strict=True)]
+        one = self.on(side, None if counted else below)
         ends: list[tuple[Expression, tuple[int, int]]] = []
         for k in sorted(one.live - one.still):
             argument, side = one.arguments[k], int(numbers[k]) or 1
             if self.places[k].stepped:
                 side = int(numbers[k])
-                ends += [(argument - side, (k, side - 1)), (argument - (side + 1), (k, side + 1))]
+                lower = self.counts[2 * self.stepped.index(k)] if counted else side
+                ends += [(argument - lower, (k, side - 1)), (argument - (lower + 1), (k, side + 1))]
             else:
                 ends.append((argument, (k, -side)))
-        return ExpressionOnSide(one.results[0], tuple(end for end, _ in ends), tuple(other for _, other in ends))
+        counts = tuple(float(v) for b in below for v in _counts(b)) if counted else ()
+        return ExpressionOnSide(
+            one.results[0], tuple(end for end, _ in ends), tuple(other for _, other in ends), counts
+        )
+
+    def kind(self, numbers: Sequence[int]) -> tuple[int, ...] | None:
+        """What sides that differ by whole numbers alone have in common; None where one is on a switch."""
+        if any(n == 0 and not p.stepped for p, n in zip(self.places, numbers, strict=True)):
+            return None
+        return tuple(0 if p.stepped else int(n) for p, n in zip(self.places, numbers, strict=True))
 
     def on(self, side: Sequence[int], below: Sequence[int] | None = None) -> FunctionOnSide:
         """The function on one ``side``, of the symbols and counts, or with the whole numbers ``below`` put in."""
         _, whole, uses = self._read
-        counts = (
-            self.counts if below is None else ca.vertcat(ca.SX(0, 1), *(v for b in below for v in (b, b + (b < 0))))
-        )
+        counts = self.counts if below is None else ca.vertcat(ca.SX(0, 1), *(v for b in below for v in _counts(b)))
         step = {k: counts[2 * number : 2 * number + 2] for number, k in enumerate(self.stepped)}
         left = iter(uses)
 
@@ -189,6 +204,11 @@ class Sides:
     def stepped(self) -> tuple[int, ...]:
         """The numbers of the places that are stepped."""
         return tuple(k for k, place in enumerate(self.places) if place.stepped)
+
+
+def _counts(below: int) -> tuple[int, int]:
+    """The whole number below, and the one nearer to zero."""
+    return below, below + (below < 0)
 
 
 def _constant(number: float) -> _Part:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from varcalc import optics
+from varcalc.optics.models.switched import SwitchedFlow
 
 MEDIA = {
     "layers": optics.Stratified,
@@ -129,3 +130,41 @@ def test_the_end_of_a_ray_through_a_kink_is_at_its_optical_path():
         np.testing.assert_allclose(ray.point([0.0, ray.optical_path])[1], end, rtol=0, atol=1e-8)
         with pytest.raises(ValueError, match="must lie between"):
             ray.point(ray.optical_path * (1 + 1e-6))
+
+
+def through_stairs(start, direction, path, index):
+    """Where a ray is at an optical path if n is ``index(k)`` between x = k and k + 1, and how many steps it crossed."""
+    x, y = start
+    along = index(0) * direction[1] / np.hypot(*direction)  # Snell: what is kept of the momentum
+    for k in range(10_000):
+        n = index(k)
+        across = np.sqrt(n**2 - along**2)
+        if path * across / n**2 <= k + 1 - x:
+            return np.array([x + path * across / n**2, y + path * along / n**2]), k
+        path -= (k + 1 - x) * n**2 / across
+        x, y = k + 1, y + (k + 1 - x) * along / across
+    raise AssertionError
+
+
+def test_an_index_of_many_steps_is_compiled_once_and_has_the_rays_of_its_layers():
+    scene = optics.Scene(optics.Graded(lambda x, y: 1.5 + 0.01 * ca.floor(x)))
+    starts, directions = np.array([(0.5, 0.0), (0.3, 0.1)]), np.array([(1.0, 1.0), (1.0, 0.2)])
+    bundle = scene.trace(starts, directions, optical_path=60.0)
+    for k in range(2):
+        there, crossed = through_stairs(starts[k], directions[k], 60.0, lambda step: 1.5 + 0.01 * step)
+        assert crossed > 20
+        np.testing.assert_allclose(bundle.points[k], there, rtol=1e-13)
+    flow = SwitchedFlow(optics.Graded(lambda x, y: 1.5 + 0.01 * ca.floor(x)), 2, 0, lambda state, _: state[4] - 60.0, 0)
+    flow.ensemble(np.array([[0.5, 0.0, 1.2, 0.9, 0.0]]), np.empty((1, 0)))
+    assert len(flow._regions) > 20
+    assert len({id(region.flow) for region in flow._regions.values()}) == 1
+
+
+def test_a_step_that_a_whole_number_takes_away_has_no_end():
+    # between x = 0 and 1 the second step does not depend on y, elsewhere it does
+    scene = optics.Scene(optics.Graded(lambda x, y: 1.5 + 0.1 * ca.floor(0.4 * y * ca.floor(x))))
+    bundle = scene.trace([(0.2, 2.4), (0.2, 2.6)], [(1.0, 0.0), (1.0, 0.0)], optical_path=3.0)
+    # beyond x = 1 it is floor(0.96) = 0 and floor(1.04) = 1 until x = 2; there floor(1.92) = 1 and floor(2.08) = 2
+    n = np.array([[1.5, 1.5, 1.6], [1.5, 1.6, 1.7]])
+    x = 2 + (3.0 - 0.8 * n[:, 0] - n[:, 1]) / n[:, 2]
+    np.testing.assert_allclose(bundle.points, np.column_stack([x, [2.4, 2.6]]), rtol=1e-14)

@@ -72,12 +72,20 @@ class EndOfPiece(Surface):
 
 @dataclass(frozen=True)
 class Region:
-    """One piece of a medium: its n² on arrays, its ends as surfaces, and its rays with the ends as their last stops."""
+    """One piece of a medium: its n² on arrays, its ends as surfaces, and its rays with the ends as their last stops.
+
+    The ``flow`` takes ``counts`` (k,) after the caller's constants.
+    """
 
     piece: ExpressionOnSide
     field: Field
     ends: tuple[Geometry, ...]
     flow: Flow
+    counts: np.ndarray
+
+    def given(self, constants: np.ndarray) -> np.ndarray:
+        """What the flow takes, from the caller's ``constants`` (..., c)."""
+        return np.concatenate([constants, np.broadcast_to(self.counts, (*constants.shape[:-1], len(self.counts)))], -1)
 
 
 @dataclass(frozen=True)
@@ -104,6 +112,7 @@ class SwitchedFlow:
     stops: UserStops
     constants: int
     _regions: dict[tuple[int, ...], Region] = field(default_factory=dict, init=False, repr=False)
+    _kinds: dict[tuple[int, ...], Flow] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def _position(self) -> Expression:
@@ -144,8 +153,9 @@ class SwitchedFlow:
     def runs(self, state: np.ndarray, constants: np.ndarray) -> list[tuple[float, Flow, np.ndarray, np.ndarray]]:
         """The pieces that one ray goes through: where each begins in σ, its flow with constants, the state there."""
         return [
-            (float(piece.begun[0]), self._region(piece.sides[0]).flow, constants, piece.first[0])
+            (float(piece.begun[0]), region.flow, region.given(constants), piece.first[0])
             for piece in self.pieces(state[None, :], constants[None, :])
+            for region in [self._region(piece.sides[0])]
         ]
 
     def pieces(self, states: np.ndarray, constants: np.ndarray) -> Iterator[SmoothRuns]:
@@ -157,20 +167,34 @@ class SwitchedFlow:
         key = tuple(int(side) for side in sides)
         with _ONE_AT_A_TIME:
             if key not in self._regions:
-                self._regions[key] = self._compiled(self._pieces.piece(key))
+                self._regions[key] = self._made(key)
             return self._regions[key]
 
-    def _compiled(self, piece: ExpressionOnSide) -> Region:
+    def _made(self, key: tuple[int, ...]) -> Region:
+        """The piece on the sides ``key``; the flows of those that differ by whole numbers alone are one."""
+        d, position = self.dimension, self._position
+        piece, kind = self._pieces.piece(key), self._pieces.kind(key)
+        surfaces = tuple(Geometry(EndOfPiece(end, position), d) for end in piece.ends)
+        squared = Field(OnePiece(piece.expression, position), d)
+        if kind is not None and self._pieces.stepped:
+            alike = self._pieces.piece(key, counted=True)
+            # where a whole number is zero, less may hang on the position than where it is not
+            if [place for place, _ in alike.beyond] == [place for place, _ in piece.beyond]:
+                if kind not in self._kinds:
+                    self._kinds[kind] = self._compiled(alike, self._pieces.counts)
+                return Region(piece, squared, surfaces, self._kinds[kind], np.array(alike.counts))
+        return Region(piece, squared, surfaces, self._compiled(piece, ca.SX(0, 1)), np.empty(0))
+
+    def _compiled(self, piece: ExpressionOnSide, counts: Expression) -> Flow:
+        """The rays of a piece in which ``counts`` are symbols, to its ends."""
         d, position = self.dimension, self._position
         s, state, numbers = ca.SX.sym("s"), ca.SX.sym("Y", self._size), ca.SX.sym("c", self.constants)
         medium = OnePiece(piece.expression, position)
         rates = ray_rates(force(medium.squared_index(state[:d]), state[:d]), state, d)
-        surfaces = [EndOfPiece(end, position) for end in piece.ends]
-        levels = ca.vertcat(self.stops(state, numbers), *(surface.level(state[:d]) for surface in surfaces))
-        system = ca.Function("rays", [s, state, numbers], [rates])
-        watched = ca.Function("stops", [s, state, numbers], [levels])
-        flow = integrators.for_many().compile(system, watched)
-        return Region(piece, Field(medium, d), tuple(Geometry(surface, d) for surface in surfaces), flow)
+        levels = [EndOfPiece(end, position).level(state[:d]) for end in piece.ends]
+        stops = ca.vertcat(self.stops(state, numbers), *levels)
+        given = [s, state, ca.vertcat(numbers, counts)]
+        return integrators.for_many().compile(ca.Function("rays", given, [rates]), ca.Function("stops", given, [stops]))
 
     def _rounds(
         self,
@@ -193,8 +217,8 @@ class SwitchedFlow:
                 for standing, some in _alike(self._on_ends(region, ends.states[rows]), rows):
                     on = tuple(int(k) + self._own for k in np.flatnonzero(standing))
                     landing = region.flow.ensemble(
-                        ends.states[some], constants[some], until=np.maximum(last[some] - ends.reached[some], 0.0),
-                        leaving=(*leaving, *on),
+                        ends.states[some], region.given(constants[some]),
+                        until=np.maximum(last[some] - ends.reached[some], 0.0), leaving=(*leaving, *on),
                     )  # fmt: skip
                     ends.states[some], ends.outcomes[some] = landing.states, landing.outcomes
                     ends.stopped_by[some] = landing.stopped_by
@@ -294,7 +318,7 @@ def _size(position: np.ndarray) -> np.ndarray:
 
 def _alike(keys: np.ndarray, rows: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """The different ``keys`` (k, ...) of the ``rows`` (k,), each with the rows that have it."""
-    if len(rows) == 0 or keys.shape[1] == 0:
+    if len(rows) == 0 or np.all(keys == keys[0]):
         return [(keys[0], rows)] if len(rows) else []
     names, number = np.unique(keys, axis=0, return_inverse=True)
     return [(name, rows[number.ravel() == k]) for k, name in enumerate(names)]
