@@ -70,6 +70,51 @@ def test_files_that_do_not_work(tmp_path, text, said):
     assert said in result.output
 
 
+PLANE = """
+import numpy as np
+from varcalc import mechanics
+system = mechanics.System(lambda t, q, v: (v[0]**2 - q[0]**2 + v[1]**2 - q[1]**2) / 2, ("x", "y"))
+experiment = mechanics.Experiment(system, [1.0, 0.0], [0.0, 1.0], (0, 3.0), %s)
+"""
+
+
+@pytest.mark.parametrize(
+    ("known", "said"),
+    [
+        ("lambda t: 1 / 0", "line 5 failed with ZeroDivisionError"),
+        ("lambda t: np.stack([np.cos(t), np.sin(t)], axis=1)", "must return an array of shape (2, 1001)"),
+        ("lambda t: np.cos(t)", "must return an array of shape (2, 1001)"),
+        ("lambda t: 'x'", "what Experiment.exact gives must be made of numbers"),
+        ("checks={'place': lambda motion: motion.q(1.0)}", "Experiment.checks['place'] must be a number"),
+        ("checks={'place': lambda motion: motion.where}", "line 5 failed with AttributeError"),
+        ("checks={'place': lambda motion: motion.q(4.0)[0]}", "line 5 failed with ValueError: t must lie between"),
+        ("events=(mechanics.Event(lambda t: t, 'now'),)", "events[0] must accept 3 arguments"),
+    ],
+)
+def test_functions_that_do_not_work_are_named_with_their_place(tmp_path, known, said):
+    path = tmp_path / "wrong.py"
+    path.write_text(PLANE % known, encoding="utf-8")
+    result = run("move", str(path))
+    assert (result.exit_code, said in result.stderr) == (2, True), result.output
+
+
+def test_what_is_known_is_held_against_the_motion_and_named_by_its_file(tmp_path):
+    path = tmp_path / "circle.py"
+    path.write_text(PLANE % "lambda t: np.stack([np.cos(t), np.sin(t)])", encoding="utf-8")
+    result = run("move", str(path))
+    assert result.exit_code == 0
+    assert result.output.startswith(f"{path}\n\nfrom t = 0 to 3")
+    moved = load_experiment(path).run()
+    assert moved.errors["closed form"] < 1e-13
+    times, q, _ = moved.drawn
+    np.testing.assert_allclose(q, [np.cos(times), np.sin(times)], rtol=0, atol=1e-13)
+
+
+def test_an_examination_that_gives_no_number_is_refused():
+    with pytest.raises(TypeError, match=r"checks\['angle'\] must be a number"):
+        mechanics.Examination("A triangle", {"angle": lambda: None}).run()
+
+
 def test_the_list_gives_the_largest_error_of_every_system(monkeypatch):
     # each of them is run by itself in test_motion.py
     some = {name: line for name, line in experiment_catalogue().items() if name in ("pendulum", "rutherford", "cone")}

@@ -13,6 +13,7 @@ from varcalc.mechanics import RigidMotion
 from varcalc.mechanics.closed_orbits import ClosedOrbit
 from varcalc.mechanics.experiment import LOOKED_AT, Flights, Moved, Section
 from varcalc.mechanics.motion import Ensemble, Motion
+from varcalc.showing import counted
 from varcalc.study.drawing import Drawing, Line, Panel, Points
 
 LEVELS = 14
@@ -77,7 +78,7 @@ def ensemble_drawing(ensemble: Ensemble) -> Drawing:
         [Panel([Line(ensemble.times, row, colour=0) for row in ensemble.q[:MOST_LINES, k]], time.label, axis.label)]
         for k, axis in enumerate(axes[:MOST_NAMES])
     ]
-    return Drawing(f"{len(ensemble.q)} motions", lambda: panels)
+    return Drawing(counted(len(ensemble.q), "motion"), lambda: panels)
 
 
 def _axes(given: tuple[Axis, ...], n: int) -> tuple[Axis, ...]:
@@ -131,7 +132,7 @@ def _section(axes: Axes, moved: Moved, asked: Section) -> None:
         axes.plot(q, v, ".", markersize=1.5, color=OTHER_COLOURS[number % len(OTHER_COLOURS)])
     axes.set_xlabel(names[asked.shown])
     axes.set_ylabel(rates[asked.shown])
-    axes.set_title(f"{len(many.q)} motions at {asked.event.name}", fontsize="medium")
+    axes.set_title(f"{counted(len(many.q), 'motion')} at {asked.event.name}", fontsize="medium")
 
 
 def _flights(axes: Axes, moved: Moved, asked: Flights) -> None:

@@ -19,6 +19,7 @@ from varcalc.optics.rays.ray import Ray, Rays
 from varcalc.optics.results.range_chart import RangeChart
 from varcalc.optics.results.study import FLAT_SIDES, Background, Seen, Track, background
 from varcalc.optics.results.wavefronts import Wavefront
+from varcalc.showing import counted
 
 RAY, LOST, FRONT, CAUSTIC, ARRIVAL = "#0072b2", "#999999", "#009e73", "#d55e00", "#7a5195"
 SHADES = "Greys"
@@ -106,7 +107,7 @@ def bundle_picture(bundle: Bundle) -> Figure:
     points = np.concatenate([track.points for track in tracks])
     shown = f", {len(tracks)} of them drawn" if len(tracks) < len(bundle) else ""
     behind = background(origin.media, origin.surfaces, points)
-    return _picture(View(bundle.axes or _axes(points), behind, tracks, title=f"{len(bundle)} rays{shown}"))
+    return _picture(View(bundle.axes or _axes(points), behind, tracks, title=f"{counted(len(bundle), 'ray')}{shown}"))
 
 
 def _axes(points: np.ndarray) -> tuple[Axis, ...]:

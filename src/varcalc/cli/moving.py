@@ -37,7 +37,8 @@ def move(name_or_file: str, as_json: bool, output: Path | None) -> None:
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
         moved = _carried_out(name_or_file)
     figure = None if output is None else _drawing(moved, name_or_file)
-    click.echo(json.dumps(moved.document(), indent=2) if as_json else f"{moved.title}\n\n{moved.table()}")
+    title = moved.title or name_or_file
+    click.echo(json.dumps(moved.document(), indent=2) if as_json else f"{title}\n\n{moved.table()}")
     if output is not None and figure is not None:
         save_figure(figure, output)
     if not moved.completed:
@@ -56,8 +57,10 @@ def _drawing(moved: Moved | Examined, name_or_file: str) -> Callable[[], Figure]
 
 def _carried_out(name_or_file: str) -> Moved | Examined:
     from varcalc.study.experiments import load_experiment
+    from varcalc.study.user_file import said_with_its_line
 
     try:
-        return load_experiment(name_or_file).run()
-    except ValueError as error:
+        with said_with_its_line(name_or_file):
+            return load_experiment(name_or_file).run()
+    except (TypeError, ValueError) as error:
         raise click.UsageError(str(error)) from error

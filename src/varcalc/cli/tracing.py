@@ -48,12 +48,15 @@ def trace(name_or_file: str, as_json: bool, output: Path | None, reach: Path | N
 
 def _carried_out(name_or_file: str, with_range: bool) -> tuple[tuple[Seen, RangeChart | None], bool]:
     from varcalc.study.scenes import load_study
+    from varcalc.study.user_file import said_with_its_line
 
     try:
-        study = load_study(name_or_file)
-        chart = _range_chart(study) if with_range else None  # the quicker to be refused
-        seen, stopped = kept(study.run)
-    except ValueError as error:
+        with said_with_its_line(name_or_file):
+            study = load_study(name_or_file)
+            chart = _range_chart(study) if with_range else None  # the quicker to be refused
+            seen, stopped = kept(study.run)
+            seen.errors  # noqa: B018  what is known is held against the rays by functions of the file
+    except (TypeError, ValueError) as error:
         raise click.UsageError(str(error)) from error
     return (seen, chart), stopped
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from varcalc.problem.conditions import functions, text
+from varcalc.problem.conditions import functions, real, text
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
@@ -61,5 +61,5 @@ class Examination(Shown):
             raise ValueError("checks must name at least one thing that is known")
 
     def run(self) -> Examined:
-        """What is computed, held against what is known of it."""
-        return Examined(self.title, {name: float(check()) for name, check in self.checks.items()})
+        """What is computed, held against what is known of it; TypeError where one of ``checks`` gives no number."""
+        return Examined(self.title, {name: real(f"checks[{name!r}]", check()) for name, check in self.checks.items()})

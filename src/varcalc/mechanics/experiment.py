@@ -13,7 +13,7 @@ from varcalc.mechanics.arguments import ascending_span, finite_column
 from varcalc.mechanics.motion import Event, Motion
 from varcalc.mechanics.passages import Passages
 from varcalc.mechanics.system import System, check_system
-from varcalc.problem.conditions import function, functions, numbers, sequence, text, told, whole
+from varcalc.problem.conditions import function, functions, numbers, real, reals, sequence, text, told, whole
 from varcalc.showing import Brief, Fact, Plotted, Shown
 from varcalc.spelling import spelled
 
@@ -233,12 +233,19 @@ class Experiment(Shown):
             raise TypeError(f"Experiment.beside must be a Section or Flights, not {told(self.beside)}")
 
     def run(self) -> Moved:
-        """The motion, held against what is known of it."""
+        """The motion, held against what is known of it.
+
+        Raises TypeError and ValueError where ``exact`` or one of ``checks`` gives what it should not.
+        """
         motion = self.system.motion(self.q0, self.v0, self.span, events=self.events)
         errors: dict[str, float] = {}
         if self.exact is not None:
             times = np.linspace(*motion.span, LOOKED_AT)
-            known = np.asarray(self.exact(times))
+            known = reals("what Experiment.exact gives", self.exact(times))
+            wanted = [(self.system.n, len(times)), *([times.shape] if self.system.n == 1 else [])]
+            if known.shape not in wanted:
+                given = f"for {len(times)} times, not {known.shape}"
+                raise ValueError(f"Experiment.exact must return an array of shape {wanted[0]} {given}")
             errors["closed form"] = float(np.abs(motion.q(times) - known).max() / max(1.0, np.abs(known).max()))
-        errors |= {name: float(check(motion)) for name, check in self.checks.items()}
+        errors |= {name: real(f"Experiment.checks[{name!r}]", check(motion)) for name, check in self.checks.items()}
         return Moved(self, motion, errors or {"claimed": motion.error})

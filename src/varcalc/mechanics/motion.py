@@ -184,7 +184,7 @@ class Ensemble(Plotted):
     """Names and units of the time and the coordinates."""
 
     def __repr__(self) -> str:
-        return line("Ensemble", [counted(len(self.q), "motion"), f"{len(self.times)} times"])
+        return line("Ensemble", [counted(len(self.q), "motion"), counted(len(self.times), "time")])
 
     def _headline(self) -> str:
         return f"{counted(len(self.q), 'motion')} at {counted(len(self.times), 'time')}"

@@ -31,7 +31,7 @@ from varcalc.report.pictures import picture, sketch
 from varcalc.report.question import asked_of_scene
 from varcalc.report.subjects import Subject
 from varcalc.report.words import about_section, capital, source_section
-from varcalc.showing import Fact
+from varcalc.showing import Fact, counted
 from varcalc.study.scenes import load_study
 
 SKETCHED = 15
@@ -84,7 +84,7 @@ def _ended(seen: Seen) -> str:
     counts = Counter(track.status.name.lower().replace("_", " ") for track in seen.tracks)
     ended = ", ".join(f"{count} {status}" for status, count in counts.items())
     path = measured(f"{seen.study.optical_path:g}", seen.unit)
-    return f"{len(seen.tracks)} rays up to an optical path of {path}: {ended or 'none followed'}"
+    return f"{counted(len(seen.tracks), 'ray')} up to an optical path of {path}: {ended or 'none followed'}"
 
 
 def _arrived(arrivals: Rays, study: Study) -> str:

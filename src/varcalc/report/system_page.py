@@ -28,6 +28,7 @@ from varcalc.report.pictures import picture, sketch
 from varcalc.report.question import asked_of_system
 from varcalc.report.subjects import Subject
 from varcalc.report.words import about_section, capital, source_section
+from varcalc.showing import counted
 from varcalc.study.experiments import load_experiment
 
 EVENTS = 12
@@ -55,7 +56,7 @@ def system_page(subject: Subject) -> Page:
 
 def _answer(moved: Moved | None, errors: Mapping[str, float]) -> str:
     if moved is None:
-        return f"{len(errors)} numbers held against what is known of them"
+        return f"{counted(len(errors), 'number')} held against what is known"
     first, last = moved.motion.span
     course = f"{', '.join(moved.names)} from t = {first:g} to {last:g}"
     return course if moved.completed else f"{course}: {moved.motion.outcome.value}"

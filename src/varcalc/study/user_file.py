@@ -9,6 +9,8 @@ import ast
 import importlib.util
 import pkgutil
 import traceback
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from textwrap import shorten
 from types import ModuleType
@@ -116,6 +118,18 @@ def defined(
     if value is not None:
         raise ProblemFileError(f"`{name}` in {text} must be a {called}, not {value!r}")
     raise ProblemFileError(f"{text} defines no `{name}`; end it with {example}")
+
+
+@contextmanager
+def said_with_its_line(path_or_name: str | Path) -> Generator[None]:
+    """What functions of a person's own file raise within is raised as :class:`ProblemFileError`, with the line."""
+    path = Path(path_or_name)
+    try:
+        yield
+    except BROKEN as error:
+        if path.suffix == SUFFIX and _line_of(error, path):
+            raise failed(path, "", error) from error
+        raise
 
 
 def _first_line(module_name: str) -> str:

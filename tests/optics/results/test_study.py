@@ -5,8 +5,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from varcalc import optics
+from varcalc.cli import main
 from varcalc.study.reference import ProblemFileError
 from varcalc.study.scenes import load_study, scene_catalogue
 
@@ -143,6 +145,32 @@ def test_scene_files_that_do_not_work_are_refused(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(ProblemFileError, match=message):
         load_study(path)
+
+
+@pytest.mark.parametrize(
+    ("index", "known", "message"),
+    [
+        ("lambda x: 1.5", "{}", "n must accept 2 arguments"),
+        ("lambda x, y: 1 / 0", "{}", "n failed with ZeroDivisionError"),
+        ("lambda x, y: 1.5", "{'one': lambda scene: 1 / 0}", "line 4 failed with ZeroDivisionError"),
+        ("lambda x, y: 1.5", "{'one': lambda scene: None}", "Study.known['one'] must be a number"),
+    ],
+)
+def test_functions_that_do_not_work_are_named_with_their_place(tmp_path, index, known, message):
+    path = tmp_path / "scene.py"
+    path.write_text(
+        "from varcalc import optics\n"
+        f"scene = optics.Scene(optics.Graded({index}))\n"
+        "source = optics.PointSource((0, 0))\n"
+        f"study = optics.Study(scene, source, [(1, 0)], 2.0, known={known})\n",
+        encoding="utf-8",
+    )
+    result = CliRunner().invoke(main, ["trace", str(path)])
+    assert (result.exit_code, message in result.stderr) == (2, True), result.output
+
+
+def test_one_ray_is_called_one():
+    assert "1 ray up to" in optics.Study(FALLING, ORIGIN, FAN[:1], 0.5).run().table()
 
 
 def test_a_name_that_is_no_scene_is_refused():

@@ -23,9 +23,9 @@ from varcalc.optics.results.wavefronts import Caustic, Wavefront, caustic_of, ra
 from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.validation import point
-from varcalc.problem.conditions import functions, positive, text, whole
+from varcalc.problem.conditions import functions, positive, real, text, whole
 from varcalc.progress import Interrupted, Progress, telling
-from varcalc.showing import Plotted, Shown
+from varcalc.showing import Plotted, Shown, counted
 from varcalc.spelling import spelled
 from varcalc.tables import shown, table
 
@@ -130,8 +130,11 @@ class Study(Shown):
         )
 
     def errors(self) -> dict[str, float]:
-        """By how much the rays of the scene miss what is known of them: the largest errors, by name."""
-        return {name: float(missed(self.scene)) for name, missed in self.known.items()}
+        """By how much the rays of the scene miss what is known of them: the largest errors, by name.
+
+        Raises TypeError where one of ``known`` gives no number.
+        """
+        return {name: real(f"Study.known[{name!r}]", missed(self.scene)) for name, missed in self.known.items()}
 
     def _fronts(self) -> list[Wavefront]:
         rays = _denser(self.rays)
@@ -209,9 +212,10 @@ class Seen(Plotted):
         counts = Counter(track.status for track in self.tracks)
         ended = ", ".join(f"{count} {status.name.lower().replace('_', ' ')}" for status, count in counts.items())
         path = self.study.optical_path
-        lines = [f"{len(self.tracks)} rays up to an optical path of {measured(f'{path:g}', self.unit)}: {ended}"]
+        rays = counted(len(self.tracks), "ray")
+        lines = [f"{rays} up to an optical path of {measured(f'{path:g}', self.unit)}: {ended}"]
         if len(self.caustic):
-            lines.append(f"{len(self.caustic)} conjugate points on them")
+            lines.append(f"{counted(len(self.caustic), 'conjugate point')} on them")
         if self.arrivals is not None:
             lines += ["", *_arrival_lines(self.arrivals, self.study.receiver)]
         if self.errors:
