@@ -338,6 +338,8 @@ def test_wrong_usage_of_chart_and_sweep_says_why(call, arguments, message):
         (["run", "rainbow"], "'rainbow' is no problem of the catalogue; it is a scene: varcalc trace rainbow"),
         (["trace", "pendulum"], "it is a system: varcalc move pendulum"),
         (["move", "soap_film"], "it is a problem: varcalc run soap_film"),
+        (["figure", "7.8"], "'7.8' is no figure of the catalogue; did you mean '7.7'?"),
+        (["figure", "nowhere"], "'nowhere' is no figure of the catalogue; `varcalc list --figures` names them"),
         (["run", "brachistochrone", "--ouptut", "x.png"], "--output"),
         (["sweep", "soap_film", "k=1:2"], "write name=from:to:count"),
     ],
@@ -346,6 +348,40 @@ def test_what_may_have_been_meant_is_suggested(call, arguments, message):
     done = call(*arguments)
     assert done.exit_code == 2
     assert message in " ".join(done.stderr.split())
+
+
+SCENE = """
+from varcalc import optics
+study = optics.Study(optics.Scene(optics.Uniform(1.0)), optics.PointSource((0, 0)), [(1, 0)], 1.0)
+"""
+MOTION = """
+from varcalc import mechanics
+experiment = mechanics.Experiment(mechanics.System(lambda t, q, v: v[0] ** 2, ("x",)), [0.0], [1.0], (0.0, 1.0))
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "text", "message"),
+    [
+        ("run", SCENE, "mine.py defines neither `problem` nor `references`; it defines `study`: varcalc trace mine.py"),
+        ("run", MOTION, "it defines `experiment`: varcalc move mine.py"),
+        ("trace", SHORTEST, "mine.py defines no `study`; it defines `problem`: varcalc run mine.py"),
+        ("move", SCENE, "mine.py defines no `experiment`; it defines `study`: varcalc trace mine.py"),
+    ],
+)
+def test_a_file_that_another_command_takes_is_told_so(call, tmp_path, monkeypatch, command, text, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(text, encoding="utf-8")
+    done = call(command, "mine.py")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert message in " ".join(done.stderr.split())
+
+
+@pytest.mark.parametrize("command", ["run", "trace", "move"])
+def test_a_file_whose_ending_is_left_out_is_named(call, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").touch()
+    assert "of the catalogue; for the file give mine.py" in " ".join(call(command, "mine").stderr.split())
 
 
 def test_list_finds_scenes_systems_and_figures(call):

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from varcalc.spelling import near
 from varcalc.study.drawing import Drawing
-from varcalc.study.user_file import SUFFIX, defined, listed
+from varcalc.study.user_file import SUFFIX, ProblemFileError, defined, listed, names_in
 
 FIGURES_PACKAGE = "varcalc.problems.figures"
 """The package the figures are installed as."""
@@ -28,6 +29,9 @@ def load_figure(path_or_number: str | Path) -> Drawing:
     """
     text = str(path_or_number)
     name = text if text.endswith(SUFFIX) else PREFIX + text.replace(".", "_")
+    if not text.endswith(SUFFIX) and name not in names_in(FIGURES_PACKAGE):
+        remedy = near(text, figure_catalogue()) or "; `varcalc list --figures` names them"
+        raise ProblemFileError(f"{text!r} is no figure of the catalogue{remedy}")
     return defined(
         FIGURES_PACKAGE, name, "figure", "figure", Drawing, "varcalc.study.drawing.Drawing",
         "figure = Drawing(title, panels)",

@@ -21,7 +21,7 @@ from varcalc.problem.functional import UNNAMED
 from varcalc.problem.problem import Curve, Problem
 from varcalc.showing import Brief, Fact, Shown, brief, line
 from varcalc.spelling import near, spelled
-from varcalc.study.user_file import BROKEN, SUFFIX, ProblemFileError, catalogued, failed, listed, run_file
+from varcalc.study.user_file import BROKEN, SUFFIX, ProblemFileError, catalogued, failed, instead_of, listed, run_file
 
 if TYPE_CHECKING:
     from varcalc.study.digits import ClosedForm, ExactDigits
@@ -238,7 +238,7 @@ def _references(module: ModuleType, name: str, where: str) -> tuple[Reference, .
         return _checked(references, where)
     problem = getattr(module, "problem", None)
     if problem is None:
-        raise ProblemFileError(f"{where} defines {_instead(module)}")
+        raise ProblemFileError(f"{where} defines {_instead(module, where)}")
     if not isinstance(problem, Problem | Curve):
         raise ProblemFileError(f"`problem` in {where} must be a varcalc.Problem or a varcalc.Curve, not {problem!r}")
     try:
@@ -248,11 +248,12 @@ def _references(module: ModuleType, name: str, where: str) -> tuple[Reference, .
     return (Reference(name, problem, exact, statement=(module.__doc__ or "").strip()),)
 
 
-def _instead(module: ModuleType) -> str:
+def _instead(module: ModuleType, where: str) -> str:
     """What a module without `problem` and `references` holds, and the remedy."""
     others = [name for name, value in vars(module).items() if isinstance(value, Problem | Curve)]
     if not others:
-        return "neither `problem` nor `references`; end it with problem = varcalc.Problem(...)"
+        remedy = instead_of("problem", module, where) or "; end it with problem = varcalc.Problem(...)"
+        return f"neither `problem` nor `references`{remedy}"
     if len(others) == 1:
         return f"the problem `{others[0]}` and none called `problem`; rename it"
     return (

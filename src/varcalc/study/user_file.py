@@ -24,11 +24,11 @@ SUFFIX = ".py"
 """What tells a person's own file from a name in a catalogue."""
 
 CATALOGUES = (
-    ("varcalc.problems", "a problem", "run"),
-    ("varcalc.problems.optics", "a scene", "trace"),
-    ("varcalc.problems.mechanics", "a system", "move"),
+    ("varcalc.problems", "a problem", "run", "problem"),
+    ("varcalc.problems.optics", "a scene", "trace", "study"),
+    ("varcalc.problems.mechanics", "a system", "move", "experiment"),
 )
-"""The packages of the catalogues, what each holds, and the command that takes it."""
+"""The packages of the catalogues, what each holds, the command that takes it, and what its files define."""
 MOST_NAMED = 400
 """Characters of the names of a catalogue that a message holds."""
 
@@ -80,7 +80,7 @@ def catalogued(package: str, name: str, text: str, kind: str) -> ModuleType:
     """The file of a catalogue that is called ``name``, run; ProblemFileError where none is, with the ``text`` given."""
     known = names_in(package)
     if name not in known:
-        suggested = _elsewhere(package, name) or near(name, known)
+        suggested = _elsewhere(package, name) or _file_called(text) or near(name, known)
         remedy = suggested or f", which holds {shorten(', '.join(known) or 'none', MOST_NAMED, placeholder=' ...')}"
         raise ProblemFileError(
             f"{text!r} is no {kind} of the catalogue{remedy}"
@@ -91,8 +91,19 @@ def catalogued(package: str, name: str, text: str, kind: str) -> ModuleType:
 
 def _elsewhere(package: str, name: str) -> str:
     """What another catalogue holds by this ``name``, and the command that takes it; nothing where none does."""
-    held = ((kind, way) for other, kind, way in CATALOGUES if other != package and name in names_in(other))
+    held = ((kind, way) for other, kind, way, _ in CATALOGUES if other != package and name in names_in(other))
     return next((f"; it is {kind}: varcalc {way} {name}" for kind, way in held), "")
+
+
+def _file_called(text: str) -> str:
+    """What there is where somebody left the ending of a file's name out; nothing where there is no such file."""
+    return f"; for the file give {text}{SUFFIX}" if Path(text + SUFFIX).is_file() else ""
+
+
+def instead_of(name: str, module: ModuleType, where: str) -> str:
+    """What a file without ``name`` defines that another command takes; nothing where it is nothing."""
+    held = ((other, way) for _, _, way, other in CATALOGUES if other != name and hasattr(module, other))
+    return next((f"; it defines `{other}`: varcalc {way} {where}" for other, way in held), "")
 
 
 def defined(
@@ -117,7 +128,8 @@ def defined(
         return value
     if value is not None:
         raise ProblemFileError(f"`{name}` in {text} must be a {called}, not {value!r}")
-    raise ProblemFileError(f"{text} defines no `{name}`; end it with {example}")
+    remedy = instead_of(name, module, text) or f"; end it with {example}"
+    raise ProblemFileError(f"{text} defines no `{name}`{remedy}")
 
 
 @contextmanager
