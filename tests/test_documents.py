@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from fractions import Fraction
 from importlib.metadata import metadata
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import pytest
 
 import varcalc as vc
 from varcalc import mechanics, optics
+from varcalc.study.reference import load
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -36,6 +38,16 @@ def test_python_blocks_run(page, tmp_path, monkeypatch):
     namespace = {}
     for block in blocks(page, "python"):
         exec(compile(block, page.name, "exec"), namespace)
+
+
+def test_readme_claims_no_more_of_a_certificate_than_is_proved():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    lower, upper = (Fraction(end) for end in re.findall(r"[0-9.]{20,}", re.search(r"\| certificate \|.*", text)[0]))
+    reference = load("brachistochrone")[0]
+    assert lower < Fraction(str(reference.exact(digits=40))) < upper
+    certificate = vc.certify(vc.solve(reference.problem))
+    proved = [Fraction(end) for end in certificate.enclosure]
+    assert upper - lower >= (proved[1] - proved[0]) / 2  # round-off is not the same on every machine
 
 
 def test_readme_has_two_commands_that_set_themselves_up():
