@@ -1,5 +1,6 @@
 """What objects say of themselves: in a line, in a few lines, in a notebook and in a picture."""
 
+import copy
 import pickle
 import re
 from functools import cache
@@ -178,6 +179,22 @@ def test_every_result_is_a_line_and_a_page():
         assert len(repr(thing)) <= LINE, name
         if hasattr(thing, "_repr_html_") and name not in PLOTTED:
             WellFormed(thing._repr_html_())
+
+
+def test_results_are_told_from_others_like_them():
+    # arrays that are compared give no truth value: a result that holds some is itself alone
+    for name, thing in made().items():
+        other = copy.deepcopy(thing)
+        assert thing == thing, name  # noqa: PLR0124
+        assert thing in [other, thing], name
+        assert isinstance(thing == other, bool), name
+
+
+def test_results_are_members_of_sets():
+    names = ("solution", "ray", "bundle", "motion", "ensemble", "branch", "stability")
+    held = {made()[name] for name in names}
+    assert all(made()[name] in held for name in names)
+    assert not any(copy.deepcopy(made()[name]) in held for name in names)
 
 
 def test_names_and_units_stand_everywhere():

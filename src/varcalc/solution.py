@@ -85,7 +85,7 @@ PROVED = "L is proved convex"
 """How what was searched begins where nothing had to be."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Solution(Plotted):
     """An extremal of ``problem`` as one method found it.
 

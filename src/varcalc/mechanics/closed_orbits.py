@@ -107,7 +107,7 @@ class ClosedOrbit(Plotted):
         return bool(np.abs(self.multipliers).max() <= 1 + OUTSIDE_CIRCLE)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class ClosedOrbits(Shown):
     """Closed orbits of an ``action`` with a ``period`` and a ``symmetry``; see :meth:`System.periodic`."""
 

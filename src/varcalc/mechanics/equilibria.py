@@ -39,7 +39,7 @@ ONE_PLACE = 1e-7
 """Of the box: two places so near are one."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Equilibria(Shown):
     """The ``places`` (k, n) at which a system can rest, and how they were ``searched`` for.
 

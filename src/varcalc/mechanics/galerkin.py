@@ -33,7 +33,7 @@ CHUNK = 1000
 """Steps in one call."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Stepped(Shown):
     """Coordinates ``q``, rates ``v``, momenta ``p`` (n, k + 1) and the ``energy`` (k + 1,) at ``times`` (k + 1,)."""
 

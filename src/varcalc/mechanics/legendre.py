@@ -19,7 +19,7 @@ FOUND, MISSED = 1e-14, 1e-9
 """Of velocities and momenta: a step that is none, and what may be left."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Hamiltonian(Shown):
     """H(t, q, p) = p·v - L of a Lagrangian, with the velocities that belong to momenta.
 

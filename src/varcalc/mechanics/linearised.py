@@ -30,7 +30,7 @@ STEADY = 1e-12
 """Of the matrices, in a time of the system's own: what counts as no change."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class NormalModes(Shown):
     """Small motions about an equilibrium, m of them: of a mode they go as exp((rate ± i frequency) t).
 
@@ -67,7 +67,7 @@ class NormalModes(Shown):
             yield Fact("", f"and {len(self.frequencies) - MOST_MODES} more")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Linearised(Shown):
     """The equations M x'' + (D + G) x' + K x = f of small motions x (n,) about a place of rest, which end in forces f.
 

@@ -27,7 +27,7 @@ DEFINITE = 1e-8
 """Of the form: what is less has no sign."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Floquet(Shown):
     """Motions beside one that repeats itself, or beside a place of rest of a system that does, after a ``period``.
 

@@ -57,7 +57,7 @@ class Happening(Brief):
     v: np.ndarray
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Motion(Plotted):
     """A motion from ``span[0]`` to ``span[1]``: coordinates and rates as functions of time, and what it keeps.
 
@@ -169,7 +169,7 @@ class Checkpoints:
         return out
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Ensemble(Plotted):
     """m motions at k ``times``: coordinates ``q`` and rates ``v`` (m, n, k), not numbers beyond where one ended.
 

@@ -11,7 +11,7 @@ from varcalc.showing import Shown
 from varcalc.symbolic.evaluation import PointEvaluator
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Passages(Shown):
     """The first k passages of m motions through an event: ``times`` (m, k), and ``q``, ``v`` (m, n, k) there.
 

@@ -20,7 +20,7 @@ from varcalc.showing import Shown
 from varcalc.symbolic.tracing import Expression
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Lagrangian(Shown):
     """A scalar ``expression`` in ``symbols`` with its Euler-Lagrange equation and first integrals."""
 

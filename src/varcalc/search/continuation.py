@@ -38,7 +38,7 @@ MOST_BRANCH_POINTS = 400
 """Points of one branch."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Branch(Plotted):
     """Extremals along a branch, in the order in which it is followed.
 

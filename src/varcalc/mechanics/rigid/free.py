@@ -102,7 +102,7 @@ def polhode(principal: Principal, angular_velocity: np.ndarray) -> Polhode:
     return Polhode(kind, inner * other / (outer * square), period)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class SteadyRotation(Shown):
     """Free rotation about a principal ``axis`` (3,) with its ``moment``.
 

@@ -28,7 +28,7 @@ class TopKind(Enum):
     LINEAR = "no moment about one axis, on which all of the mass lies"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Principal(Shown):
     """The principal ``moments`` (3,), ascending, and the ``axes`` (3, 3), one a column, a right-handed frame."""
 
@@ -47,7 +47,7 @@ class Principal(Shown):
 
 
 @spelled
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Inertia(Shown):
     """A mass with its ``centre`` (3,) and its inertia ``tensor`` (3, 3) about that centre.
 

@@ -15,7 +15,7 @@ from varcalc.showing import Plotted
 from varcalc.symbolic.evaluation import PointEvaluator
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class RigidMotion(Plotted):
     """The motion of a rigid body from ``span[0]`` to ``span[1]``, known at every time between.
 

@@ -36,7 +36,7 @@ class ScatteringOutcome(Enum):
     UNRESOLVED = "an integral was not resolved"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Deflections(Shown):
     """Deflections of m orbits with the impact parameters ``impact``, all arrays of their shape.
 

@@ -38,7 +38,7 @@ class BifurcationKind(Enum):
     OSCILLATION = "the equilibrium stays, and its small motions begin to swing farther and farther"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Bifurcation(Shown):
     """A bifurcation at ``place`` (n,) where the parameter has the value ``parameter``, which is off by ``error``."""
 
@@ -48,7 +48,7 @@ class Bifurcation(Shown):
     error: float
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class EquilibriumBranch(Shown):
     """Equilibria in the order of the branch: ``places`` (m, n) at ``parameter`` (m,), and which are ``stable`` (m,)."""
 

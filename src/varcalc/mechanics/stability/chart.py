@@ -25,7 +25,7 @@ SAFE = 16.0
 """By how many times the error of the series multipliers may be off."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Boundaries(Shown):
     """Where multipliers pass 1 or -1, or meet or leave the unit circle elsewhere.
 
@@ -39,7 +39,7 @@ class Boundaries(Shown):
     errors: np.ndarray
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class StabilityChart(Plotted):
     """Growth of small motions over parameters: ``growth`` (m, k) over ``first`` (m,) and ``second`` (k,) values.
 

@@ -30,7 +30,7 @@ UNLIKE = 1e-9
 
 
 @spelled
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Averaged(Shown):
     """A ``system`` that moves as another, driven fast, does in the mean; ``swing`` is how far that goes about it."""
 

@@ -28,7 +28,7 @@ Expression = Any
 """A CasADi SX expression."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class WavePackets(Shown):
     """The ends of m rays in d dimensions, one row a ray.
 

@@ -44,7 +44,7 @@ class Origin:
         return found
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Bundle(Plotted):
     """The ends of m rays in d dimensions, one row a ray.
 

@@ -30,7 +30,7 @@ SPEED_OF_LIGHT = 299_792_458.0
 """In vacuum, in metres a second (SI)."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Ray(Plotted):
     """A ray from A to B.
 

@@ -26,7 +26,7 @@ ON_CAUSTIC = 1e-9
 """Of the tube's optical path: places so close to a conjugate point are on the caustic."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Intensity(Shown):
     """The intensity of light at k places of a ray.
 

@@ -26,7 +26,7 @@ OFF_AXIS = 1e-3
 """Radians by which they are turned: a ray that leaves along the receiver's height touches it at once."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class RangeChart(Plotted):
     """Reach against launching angle.
 

@@ -29,7 +29,7 @@ from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Wavefront(Shown):
     """Points of equal optical path from a source, one row a ray.
 
@@ -54,7 +54,7 @@ class Wavefront(Shown):
         return self.status == RayStatus.ARRIVED
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Caustic(Shown):
     """Points where neighbouring rays of a source cross, one row each: a curve in the plane, surfaces in space.
 
