@@ -223,7 +223,9 @@ def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: 
     for keeping, way in ways:
         form = broken_form(problem, [], ordinates_of(curve), None, pieces, keeping=keeping)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            solution = way.solve(form, tol=tol, guess=None)
+            # the first way found none without the lengths that are kept
+            solve = way.bound if keeping and way is plainly else way.solve
+            solution = solve(form, tol=tol, guess=None)
         extremal = solution.extremal
         whole = extremal is None or not extremal.form.coordinates.corners or runs_forwards(extremal)
         if way.refine < method.refine and not len(_vanished(solution)):

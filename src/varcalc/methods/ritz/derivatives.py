@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.ritz.system import RitzSystem, joint_numbers
+from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import basis, basis_at_gauss, gauss
 
 Shares = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -177,7 +177,7 @@ class EndPlaces:
         self.joint = system.form.ends.joint
         self.symbols = [*self.joint.places, system.form.symbols.unknowns, system.form.symbols.parameters]
         self._parameters = system.form.problem.parameter_values
-        numbers = joint_numbers(system).ravel()
+        numbers = system.joint_numbers.ravel()
         self._n = system.n
         place = _places(system)[numbers]
         columns = np.concatenate([place, len(system.free) + np.arange(system.extra)])

@@ -245,9 +245,11 @@ class Eliminated(NamedTuple):
 
 
 def banded_step(
-    system: RitzSystem, at: Evaluation, multipliers: np.ndarray
+    system: RitzSystem, at: Evaluation, multipliers: np.ndarray, *, shifting: bool = True
 ) -> tuple[np.ndarray, np.ndarray, float, float, float] | None:
     """What a ``Step`` holds: change, multipliers, decrement, shift and compliance; None when no shift makes it convex.
+
+    Without ``shifting`` it is None as well where more than a zero mode would have to be shifted.
 
     The compliance is not told (0), but along a zero mode it is infinite; the step is held there, and needs no shift.
     """
@@ -263,7 +265,8 @@ def banded_step(
         parts = own if not shift else (own[0] + shift * metric()[0], own[1], own[2] + shift * metric()[2])
         return _eliminated(system, parts, at, multipliers)
 
-    shift = next((s for s in SHIFTS if eliminated(s) is not None), None)
+    shifts = SHIFTS if shifting else (0.0, NEARLY_SINGULAR)
+    shift = next((s for s in shifts if eliminated(s) is not None), None)
     if shift is None:
         return None
     whole = eliminated(0.0)

@@ -137,11 +137,15 @@ class Ritz(Brief):
             reason = f"degree={self.degree} is too low for a functional of order {form.order}; give at least {least}"
             return no_answer(form.problem, self, Status.REFUSED, reason)
         load()
+        solution = self._unbound(form, tol, guess) if form.has_bounds else None
+        return self.bound(form, tol=tol, guess=guess) if solution is None else solution
+
+    def bound(self, form: Form, *, tol: float, guess: Sampled | None) -> Solution:
+        """The lowest curve where it is known that there is none, or none that counts, without the inequalities."""
+        load()
         solution, climbs = None, list[_Climb]()
-        if form.has_bounds:
-            solution = self._unbound(form, tol, guess)
-            if solution is None and self.refine and (touchable(form) or steep(form) or holds_free_ends(form)):
-                solution = self._through_contacts(form, tol, guess, climbs)
+        if form.has_bounds and self.refine and (touchable(form) or steep(form) or holds_free_ends(form)):
+            solution = self._through_contacts(form, tol, guess, climbs)
         if solution is None:
             climbs.append(_Climb(self, form, tol))
             solution = climbs[-1].run(guess)

@@ -142,8 +142,10 @@ def newton_step(system: RitzSystem, at: Evaluation, multipliers: np.ndarray) -> 
     if len(system.levels) and not effective(system, at):
         return None
     if system.banded:
-        found = banded_step(system, at, multipliers)
-        if found is not None and (found[3] == 0.0 or len(at.conditions) == 0 or system.size > LARGEST_DENSE):
+        # of conditions the dense step knows better what to shift by
+        shifting = len(at.conditions) == 0 or system.size > LARGEST_DENSE
+        found = banded_step(system, at, multipliers, shifting=shifting)
+        if found is not None and (shifting or found[3] == 0.0):
             return Step(*found)
         if system.size > LARGEST_DENSE:
             return None

@@ -239,7 +239,7 @@ class RitzSystem:
     def coupled(self) -> np.ndarray:
         """The coefficients that are coupled across the mesh: by conditions of the ends, and where a curve closes."""
         closing = self.space.numbers[0, : self.space.smoothness if self.space.periodic else 0]
-        across = closing if self.form.ends.joint is None else joint_numbers(self)
+        across = closing if self.form.ends.joint is None else self.joint_numbers
         return np.concatenate([closing.ravel(), across.ravel()])
 
     # unknowns <-> coefficients
@@ -485,7 +485,7 @@ class RitzSystem:
         """Take the cost and the equations of the ends into an evaluation."""
         at.ends = ends = self._evaluate_ends(z)
         at.value, at.scale = at.value + float(ends[0][0, 0]), at.scale + abs(float(ends[0][0, 0]))
-        places, of_ends = self._end_positions()
+        places, of_ends = self._end_positions
         np.add.at(at.gradient, places, ends[1].ravel()[of_ends])
         at.conditions = np.concatenate([at.conditions, ends[2].ravel()])
         block = np.zeros((ends[2].size, self.size))
@@ -493,9 +493,19 @@ class RitzSystem:
             np.add.at(row, places, own[of_ends])
         at.jacobian = np.vstack([at.jacobian, block])
 
+    @cached_property
+    def joint_numbers(self) -> np.ndarray:
+        """Numbers of the coefficients (places, n) that the ends' cost and equations are about: at them, and inside."""
+        space, joint = self.space, self.form.ends.joint
+        places = [(0, 0), (space.elements, 0)]
+        for s, derivative, _ in () if joint is None else joint.inside:
+            places.append((int(np.argmin(np.abs(space.vertices - s))), derivative))
+        return np.array([[space.vertex_number(v, k, a) for a in range(self.n)] for v, k in places])
+
+    @cached_property
     def _end_positions(self) -> tuple[np.ndarray, np.ndarray]:
         """Places in z, and in (y_start, y_end, y at knots, unknowns), of the end variables that are free."""
-        numbers = joint_numbers(self).ravel().tolist()
+        numbers = self.joint_numbers.ravel().tolist()
         place = {int(c): i for i, c in enumerate(self.free)}
         pairs = [(place[c], i) for i, c in enumerate(numbers) if c in place]
         pairs += [(len(self.free) + j, len(numbers) + j) for j in range(self.extra)]
@@ -506,7 +516,7 @@ class RitzSystem:
         """End cost, its gradient, the end equations, their Jacobian, all Hessians, and the sizes of the equations."""
         form = self.form
         c = self.coefficients(z)
-        places = list(c[joint_numbers(self)])
+        places = list(c[self.joint_numbers])
         out: Any = at_ends(form)(*places, self.unknowns(z), form.problem.parameter_values)
         found = [np.asarray(o) for o in out]
         # by how much each equation changes when its variables change by the size of the largest
@@ -525,17 +535,8 @@ class RitzSystem:
         total = evaluation.ends[4].copy()
         for r in range(evaluation.ends[2].size):
             total += multipliers[len(self.equalities) + r] * evaluation.ends[5 + r]
-        z, v = self._end_positions()
+        z, v = self._end_positions
         return z, total[np.ix_(v, v)]
-
-
-def joint_numbers(system: RitzSystem) -> np.ndarray:
-    """Numbers of the coefficients (places, n) that the ends' cost and equations are about: at the ends, and inside."""
-    space, joint = system.space, system.form.ends.joint
-    places = [(0, 0), (space.elements, 0)]
-    for s, derivative, _ in () if joint is None else joint.inside:
-        places.append((int(np.argmin(np.abs(space.vertices - s))), derivative))
-    return np.array([[space.vertex_number(v, k, a) for a in range(system.n)] for v, k in places])
 
 
 def _rule(spans: np.ndarray, count: int, order: int, n: int, extra: int) -> tuple[Any, ...]:
