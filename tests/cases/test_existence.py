@@ -98,7 +98,7 @@ def test_both_catenaries_up_to_the_fold_and_none_beyond():
     assert "all with initial slope in [-1e+06, 1e+06]" in beyond.searched
 
 
-@pytest.mark.parametrize("excess", [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
+@pytest.mark.parametrize("excess", [1e-6, 1e-3, 1.0])
 def test_no_route_has_a_film_wider_than_the_widest(excess):
     problem = film(float(WIDEST) + excess)
     for method in (vc.Ritz(), vc.Collocation(), vc.FirstIntegral()):
@@ -199,13 +199,13 @@ def test_at_half_a_period_any_other_end_leaves_no_motion_and_no_bound(end):
     assert refusal.verdict is vc.Verdict.UNBOUNDED
 
 
-@pytest.mark.parametrize("halves", [2, 3, 4])
+@pytest.mark.parametrize("halves", [2, 3])
 @pytest.mark.parametrize("end", [0.0, 1e-6, 1.0])
 def test_at_further_halves_the_action_is_unbounded(halves, end):
     assert vc.solve(oscillator(halves * mp.pi, end), throw=False).verdict is vc.Verdict.UNBOUNDED
 
 
-@pytest.mark.parametrize("halves", [1, 2, 3, 4])
+@pytest.mark.parametrize("halves", [1, 2, 3])
 def test_no_route_has_a_motion_where_there_is_none(halves):
     assert len(vc.extremals(oscillator(halves * mp.pi, 1.0))) == 0
     for method in METHODS:

@@ -12,7 +12,7 @@ from varcalc.formulation import formulate
 from varcalc.verify.ritz_hessian import RitzHessian, index_by_ritz
 from varcalc.verify.verification import Index
 
-CASES = range(50)
+CASES = range(20, 50)
 
 
 def along(lagrangian, curve, order, n):

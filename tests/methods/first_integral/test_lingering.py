@@ -18,8 +18,13 @@ def kink(left: float, length: float) -> tuple[vc.Problem, float]:
     return problem, primitive[1] - primitive[0]
 
 
-@pytest.mark.parametrize(("left", "length"), [(6, 30), (7.5, 26), (5, 100), (8, 18)])
-@pytest.mark.parametrize("method", [None, vc.FirstIntegral()], ids=["the ladder", "by quadrature"])
+@pytest.mark.parametrize(
+    ("left", "length", "method"),
+    [
+        *((*kept, None) for kept in ((6, 30), (7.5, 26), (5, 100), (8, 18))),
+        *((*kept, vc.FirstIntegral()) for kept in ((5, 100), (8, 18))),
+    ],
+)
 def test_a_kink_is_where_the_ends_hold_it(left, length, method):
     """Their hold falls as exp(-2 sqrt(2) left): an optimiser alone stops anywhere on the way."""
     problem, value = kink(left, length)

@@ -16,8 +16,9 @@ def fall(k, d):
     return k**2 * d**3 / 3
 
 
-@pytest.mark.parametrize("first", PLACES)
-@pytest.mark.parametrize("last", [0.238, 0.25 - 1.7e-3])
+@pytest.mark.parametrize(
+    ("first", "last"), [*((place, 0.238) for place in PLACES), (PLACES[0], 0.25 - 1.7e-3), (PLACES[-1], 0.25 - 1.7e-3)]
+)
 def test_a_bound_on_one_of_two_functions_from_both_ends(first, last):
     """The second function goes straight, at the cost of 1/2."""
     k = 3 * math.sqrt(2)

@@ -218,7 +218,7 @@ def test_taylor_engine_agrees_to_round_off():
     np.testing.assert_allclose(solution.dy(x), np.gradient(curve(x), x, edge_order=2), atol=2e-3)
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8, 1e-10, 2e-12])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-8, 2e-12])
 def test_claims_of_a_coarse_engine(tolerance):
     ratios = []
     for name in (

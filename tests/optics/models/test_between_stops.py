@@ -83,6 +83,7 @@ class Layers:
                 total[power] += abs(way) * mp.quad(
                     lambda t, end=end, way=way, power=power: self.rate(layer, end + way * t**2, C, power) * 2 * t,
                     mp.linspace(0, 1, 9),
+                    method="gauss-legendre",
                 )
         return total
 

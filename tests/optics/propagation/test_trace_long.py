@@ -52,7 +52,7 @@ def ends(medium, path, headings, start=(0.1, 0.05, 0.2)):
 
 
 def test_the_tangential_momentum_of_layers(steps):
-    heading = np.column_stack([HEADINGS[:, :2], 0.5 * HEADINGS[:, 2]])
+    heading = np.column_stack([HEADINGS[4:, :2], 0.5 * HEADINGS[4:, 2]])
     start = ends(optics.Stratified(sech), 0.0, heading)
     end = ends(optics.Stratified(sech), 3700.0, heading)
     assert steps[0] >= STEPS
@@ -61,7 +61,7 @@ def test_the_tangential_momentum_of_layers(steps):
 
 
 def test_bouguers_invariant(steps):
-    start, end = (ends(optics.fish_eye(), path, HEADINGS) for path in (0.0, 1000.0))
+    start, end = (ends(optics.fish_eye(), path, HEADINGS[:4]) for path in (0.0, 1000.0))
     assert steps[0] >= STEPS
     bouguer = [np.linalg.norm(np.cross(r, p), axis=1) for r, p in (start, end)]
     np.testing.assert_allclose(bouguer[1], bouguer[0], rtol=DRIFT)
