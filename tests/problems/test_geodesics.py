@@ -42,7 +42,7 @@ def pairs(kind):
     elif kind in NEARLY_ANTIPODAL:
         off = 0.0 if kind == "antipodes" else 0.3
         end = np.column_stack([-start[:, 0], start[:, 1] + 180]) + off * rng.normal(size=(COUNT, 2))
-        start, end = start[:12], end[:12]
+        start, end = start[:6], end[:6]
         end[:, 0] = np.clip(end[:, 0], -90, 90)
     return start, end
 
