@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq, minimize
+from scipy.special import erf
 
 import varcalc as vc
 from varcalc.existence.rests import with_rests
@@ -339,3 +340,42 @@ def test_what_bends_and_a_bound_that_holds_without_a_rest():
     assert abs(found.value - least) < 1e-4
     assert found.error.value < 1e-8
     assert not found.local
+
+
+def kicked(height, place, width, first, last, length=5.0, friction=0.7):
+    """A body with friction under one short push: v^2/2 + m |v| + f y, f = height exp(-((x - place) / width)^2).
+
+    The momentum is p0 plus the integral of f, v what of it exceeds the friction, and p0 leads to the end.
+    """
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + friction * ca.fabs(v) + height * ca.exp(-(((x - place) / width) ** 2)) * y,
+        vc.Fixed(0, first), vc.Fixed(length, last),
+    )  # fmt: skip
+    x = np.union1d(np.linspace(0, length, 4001), np.linspace(place - 8 * width, place + 8 * width, 8001))
+    push = height * width * np.sqrt(np.pi) / 2 * (erf((x - place) / width) + erf(place / width))
+
+    def slope(p0):
+        return np.sign(p0 + push) * np.maximum(np.abs(p0 + push) - friction, 0.0)
+
+    v = slope(brentq(lambda p0: np.trapezoid(slope(p0), x) - (last - first), -50, 50, xtol=1e-14))
+    y = first + np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(x)))
+    force = height * np.exp(-(((x - place) / width) ** 2))
+    return problem, np.trapezoid(v**2 / 2 + friction * np.abs(v) + force * y, x)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        (3.222, 2.1772, 0.0219, -0.485, -1.4088),  # it never rests, though it all but stops
+        (2.7622, 1.7035, 0.0184, -0.0387, -0.1535),
+        (2.8577, 2.9062, 0.0155, -0.3022, -1.209),
+        (1.6483, 3.4698, 0.008, -0.8924, -1.3898),  # the push lies between the points of the first mesh
+        (3.496, 1.9518, 0.0167, -1.4986, -0.8697),
+    ],
+)
+def test_a_short_push_on_what_friction_slows(case):
+    problem, exact = kicked(*case)
+    found = vc.solve(problem, throw=False)
+    assert not found.status.ok or abs(found.value - exact) < 1e-5
+    # one that comes to rest, or sets out, within the push may be refused
+    assert found.status.ok or case[0] in {2.7622, 3.496}

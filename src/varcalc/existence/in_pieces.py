@@ -212,6 +212,8 @@ def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: 
         return None
     # what is met at an end itself leaves nothing to be broken
     pieces = [_piece(problem, c) for c in found if c.until is not None or c.x not in problem.span]
+    if _at_knots(problem, pieces):
+        return None
     drawn = any(isinstance(piece, Ride) and piece.drawn(problem) for piece in pieces)
     kept = drawn or formulate(problem).conditions.pathwise
     plainly = replace(method, starts=1)
@@ -233,6 +235,13 @@ def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: 
         if solution.status.ok and whole and np.all(np.diff(solution.x) > 0):
             return replace(solution, method=method)
     return None
+
+
+def _at_knots(problem: Problem, pieces: list[Refraction | Ride]) -> bool:
+    """Whether a piece would begin where every mesh has a vertex: then one of the two would have no length."""
+    room, knots = SAME_PLACE * (problem.span[1] - problem.span[0]), np.array(formulate(problem).conditions.knots)
+    ends = [e for p in pieces for e in ((p.x,) if isinstance(p, Refraction) else (p.start, p.end))]
+    return any(bool((np.abs(knots - e) <= room).any()) for e in ends if e not in problem.span)
 
 
 def _throughout(problem: Problem, crossing: Crossing) -> bool:

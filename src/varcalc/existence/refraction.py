@@ -185,10 +185,11 @@ def _as_polygon(
     curve = polygonal(nodes, polygon(nodes))
     sizes = sizes_at(problem, points_along(problem, ordinates_of(curve)))
     found: list[Crossing] = []
-    for small in still or _small_half_way(problem, curve, sizes):
+    for tried, small in enumerate(still or _small_half_way(problem, curve, sizes)):
+        last = found
         # the least curve need not go through what is smooth because the polygon did
         found = [c for c in _met(problem, curve, nodes, small, sizes) if not c.switch.smooth]
-        if len(found) > MOST_OF_POLYGON:
+        if len(found) > MOST_OF_POLYGON or (tried and alike(problem, found, last)):  # what they led to is known
             continue
         riding = any(c.until is not None for c in found)
         if (solution := _least(problem, method, tol, curve, found, riding=riding)) is not None:

@@ -342,7 +342,7 @@ class _Surfaces:
             return True
         momenta = [
             self._natural(curve, end) if piece is None else self._momentum(piece, curve, x)
-            for end, piece, x in zip((0, 1), beside, (contact.start, contact.end), strict=True)
+            for end, piece, x in zip((0, 1), beside, self._just_beside(contact), strict=True)
         ]
         inside = np.linspace(INWARDS, 1 - INWARDS, PLACES_OF_REST)  # at an end the curve has the slope beside it
         x = contact.start + (contact.end - contact.start) * inside
@@ -358,6 +358,11 @@ class _Surfaces:
                 return False
         with np.errstate(invalid="ignore"):  # what a bound holds has no middle
             return held_momentum(problem, curve, x, momenta, pressed, self._size(curve)) is not None
+
+    def _just_beside(self, contact: Contact) -> Way:
+        """Places just before a contact and just after it, where a curve has the slopes with which it moves."""
+        away = INWARDS * (self.problem.span[1] - self.problem.span[0])
+        return contact.start - away, contact.end + away
 
     def _size(self, curve: CurveOrSlope) -> float:
         """How large momenta are along a curve."""

@@ -129,14 +129,15 @@ class Problem(Functional):
         check_levels(self)
 
     def restated(
-        self, start: AnyEnd | None = None, end: AnyEnd | None = None, constraints: Sequence[Constraint] | None = None
-    ) -> Problem:
-        """The problem between other ends, or under other conditions, where they are given."""
+        self, start: AnyEnd | None = None, end: AnyEnd | None = None, constraints: Sequence[Constraint] | None = None,
+        breakpoints: Sequence[float] | None = None,
+    ) -> Problem:  # fmt: skip
+        """The problem between other ends, under other conditions, or with other breakpoints, where they are given."""
         return Problem(
             self.lagrangian, self.start if start is None else start, self.end if end is None else end,
             self.constraints if constraints is None else constraints, parameters=self.parameters,
             unknowns=self.unknowns, end_cost=self.end_cost, order=self.order, maximise=self.maximise,
-            breakpoints=self.breakpoints, name=self.name,
+            breakpoints=self.breakpoints if breakpoints is None else breakpoints, name=self.name,
         )  # fmt: skip
 
     def position(self, x: Expression, y: Expression) -> list[Expression]:

@@ -45,7 +45,7 @@ from varcalc.solution import (
 from varcalc.solve.warm_start import resolved
 from varcalc.spelling import spelled
 from varcalc.symbolic.derived import answered
-from varcalc.verify.between import Unseen, as_stated, balanced, of_powers_alone, unseen
+from varcalc.verify.between import Unseen, as_stated, balanced, of_powers_alone, unseen, unseen_where_broken
 from varcalc.verify.slopes import vouched
 
 FINER_DEGREE = 8
@@ -341,7 +341,29 @@ def _broken(
     found = at_constant_speed(problem, method, tol, start)
     if found is not None and unseen(found) is None and as_stated(found):
         return found
-    return refracted(problem, method, tol, start, marks)
+    solution = refracted(problem, method, tol, start, marks)
+    return solution if solution is None else _seen_where_broken(solution, method, tol, start, marks)
+
+
+def _seen_where_broken(
+    solution: Solution, method: Ritz, tol: float, start: Sampled | None, marks: Sequence[float]
+) -> Solution:
+    """An answer in pieces on meshes that see what lies between the points of the first, refused where there is none."""
+    problem, known, missed = solution.problem, list[float](), unseen_where_broken(solution)
+    for _ in range(CLOSER_MESHES):
+        if missed is None or not isinstance(problem, Problem):
+            return solution
+        known += missed.marks.tolist()
+        again = refracted(problem.restated(breakpoints=[*problem.breakpoints, *known]), method, tol, start, marks)
+        if again is None or not again.status.ok:
+            why = "no curve that is broken where it should be was found" if again is None else again.message
+            message = f"{missed.sentence}, and on a mesh that can there was no answer: {why}"
+            return replace(solution, status=Status.NOT_CONVERGED, message=message)
+        if _agree(solution, again):
+            return solution
+        solution = replace(again, problem=problem)
+        missed = unseen_where_broken(solution)
+    return solution if missed is None else replace(solution, status=Status.NOT_CONVERGED, message=missed.sentence)
 
 
 def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:

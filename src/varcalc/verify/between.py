@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from varcalc.formulation import formulate
 from varcalc.methods.answer import Extremal, functional, functional_value, lifted, sample
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import bounds, integrals
@@ -24,6 +25,7 @@ from varcalc.symbolic.instructions import instructions
 from varcalc.symbolic.variation import LOCAL, VARYING, Between, Rules, excess, gentle
 from varcalc.verify.along_curve import along_curve
 from varcalc.verify.candidate import undivided
+from varcalc.verify.given_curve import stated
 from varcalc.verify.residual import residual
 from varcalc.verify.slopes import slopes_beside
 
@@ -64,6 +66,8 @@ BALANCED = 1e-6
 """Residual of the Euler-Lagrange equation, relative to its terms, of a curve that solves it."""
 WITHIN_BOX = 16
 """Points in a box at which a bound is asked."""
+FEATURES_APART = 0.02
+"""Share of the interval by which two features lie apart."""
 BROKEN = 1e-7
 """By how much a bound may be missed between the points at which it was asked, relative to its range along the curve."""
 
@@ -99,6 +103,24 @@ def unseen(solution: Solution) -> Unseen | None:
     if not solution.status.ok:
         return _in_integrals(extremal, LOCAL, everywhere=True)
     return _in_integrals(extremal, VARYING, everywhere=False) or _beyond_bounds(extremal) or _torn(solution)
+
+
+def unseen_where_broken(solution: Solution) -> Unseen | None:
+    """The same of a curve that is broken, or rests, of which no method has looked: features of L and its levels alone.
+
+    Of each a mesh needs the edges and the middle, to be refined there.
+    """
+    problem = solution.problem
+    form = formulate(problem)
+    plain = isinstance(problem, Problem) and problem.order == 1 and not form.stated.is_lifted
+    if not plain or solution.curve is None or problem.symbols.kind is not ca.SX or not solution.status.ok:
+        return None
+    missed = _in_integrals(stated(solution, form), VARYING, everywhere=False)
+    if missed is None:
+        return None
+    marks, room = np.unique(missed.marks), FEATURES_APART * (form.span[1] - form.span[0])
+    features = np.split(marks, 1 + np.flatnonzero(np.diff(marks) > room))
+    return replace(missed, marks=np.unique([(f[0], 0.5 * (f[0] + f[-1]), f[-1]) for f in features]))
 
 
 def of_powers_alone(solution: Solution) -> bool:

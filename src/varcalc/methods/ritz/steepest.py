@@ -38,6 +38,10 @@ NEARER = 0.15
 """Share of the room beside a point by which it is moved at once at most."""
 SHORTENED = 0.4
 """Share of a stretch by which either end comes nearer to the other at once at most."""
+UNCHANGED = 1e-3
+"""Change over the room beside an end, of what it misses there, that is none."""
+PLACES_BESIDE = (np.arange(16) + 0.5) / 16
+"""Where it is seen, in units of that room, what it does mostly."""
 LEAST_LENGTH = 1e-6
 """Length of a stretch, or of what lies between two, in units of the interval, that is none."""
 
@@ -110,7 +114,7 @@ def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[C
             expression, level = _pace(form, expression), 0.0
         along, curve = _along(form, expression), solution.curve
         sides = ((contact.start, -1, before), (contact.end, 1, after))
-        moves = [0.0 if room <= 0 else -_newton(along, level, end, way * room, curve) for end, way, room in sides]
+        moves = [0.0 if room <= 0 else _setting_out(along, level, end, way * room, curve) for end, way, room in sides]
         # what is far too long is seen less well than where it should be
         most = SHORTENED * (contact.end - contact.start)
         ends.append((contact.start + min(moves[0], most), contact.end + max(moves[1], -most)))
@@ -213,16 +217,26 @@ def shift(form: Form, before: Sequence[Contact], after: Sequence[Contact]) -> fl
     return max(shifts, default=0.0) / (form.span[1] - form.span[0])
 
 
-def _newton(
+def _setting_out(
     along: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray], level: float, end: float, room: float,
     curve: Callable[[np.ndarray, int], np.ndarray],
 ) -> float:  # fmt: skip
-    """Newton's step towards where a function has its ``level``, from one end into the ``room`` beside it."""
+    """By how much to move the end of a stretch with ``room`` beside it, where a function should have its ``level``.
+
+    That is Newton's step the other way, as the curve beside the end moves with it. Where the function has another value
+    there, and does not change, the curve comes too fast, and the stretch holds nothing: it becomes as short as may be.
+    Or it comes back from where it went too far, and should have been held before.
+    """
     x = end + BESIDE_END * room * np.array([1.0, 2.0])
     near, far = along(x, curve(x, 0), curve(x, 1)) - level
-    rate = (far - near) / (x[1] - x[0])
-    step = (2 * near - far) / rate if rate else math.inf  # what does not change leads nowhere
-    return float(np.clip(step, -abs(room) / 2, abs(room) / 2)) if np.isfinite(step) else 0.0
+    rate, missed = (far - near) / (x[1] - x[0]), 2 * near - far
+    if missed == 0.0:
+        return 0.0
+    if not abs(rate) * abs(room) > UNCHANGED * abs(missed):
+        way = end + room * PLACES_BESIDE
+        mostly = float((along(way, curve(way, 0), curve(way, 1)) - level).mean())
+        return -math.copysign(math.inf, room) if mostly * missed > 0 else 0.5 * room
+    return float(np.clip(-missed / rate, -abs(room) / 2, abs(room) / 2))
 
 
 def _along(form: Form, expression: ca.SX) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
