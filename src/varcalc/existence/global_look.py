@@ -187,37 +187,44 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish) -> Solution | None:
     """A lower solution, the known one marked or refused for what is lower; None for neither."""
     problem = best.problem
     assert isinstance(problem, Problem)
-    landscape = Graphs(problem)
+    landscape, ordinates = Graphs(problem), partial(_ordinates, best)
+    lattices = _about(best, lambda k: PolygonLattice(landscape, ordinates, pieces=k))
+    marked: Solution | None = None
+    while True:
+        with np.errstate(all="ignore"):
+            about = next(lattices, None)
+            if about is None:
+                break
+            worth = filter(partial(_worth_following, best, about), about.valleys())
+            valleys = _lowest(best, about, list(worth), FOLLOWED)
+            seen.walled = seen.walled or about.walled
+        seen.pieces = max(seen.pieces, about.pieces)
+        seen.reach, seen.number = max(seen.reach, about.reach), seen.number + len(valleys)
+        lower = _lower_about(best, about, valleys, polish)
+        if lower is not None and not lower.local:
+            return lower
+        marked = marked or lower
+    if marked is not None:
+        return marked
     with np.errstate(all="ignore"):
-        lattice: Lattice | None = _telling(
-            best, lambda k: PolygonLattice(landscape, partial(_ordinates, best), pieces=k)
-        )
-        worth = partial(_worth_following, best, lattice)
-        valleys = _lowest(best, lattice, list(filter(worth, lattice.valleys())), FOLLOWED)
-        seen.walled = seen.walled or lattice.walled
-    seen.pieces = max(seen.pieces, lattice.pieces)
-    seen.reach, seen.number = lattice.reach, seen.number + len(valleys)
-    if (lower := _lower_about(best, lattice, valleys, polish)) is not None:
-        return lower
-    with np.errstate(all="ignore"):
-        lattice = across_the_landscape(landscape, partial(_ordinates, best))
+        lattice = across_the_landscape(landscape, ordinates)
         valleys = [] if lattice is None else _lowest(best, lattice, lattice.distinct(), FOLLOWED_ACROSS)
     seen.across, seen.number = lattice is not None, seen.number + len(valleys)
     return None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
 
 
-def _telling(best: Solution, about: Callable[[int], PolygonLattice]) -> PolygonLattice:
-    """The lattice on as many pieces as it takes for the known curve's own polygon to tell its value.
+def _about(best: Solution, lattice_of: Callable[[int], PolygonLattice]) -> Iterator[PolygonLattice]:
+    """Lattices on ever more pieces, until the known curve's own polygon tells its value, or nothing is lower than that.
 
-    Where nothing is lower than that the fewest are enough.
+    The more pieces there are, the fewer slopes lead from node to node.
     """
-    lattice = about(PIECES)
-    for pieces in () if lattice.landscape.approximate else MORE_PIECES:
+    for pieces in (PIECES, *MORE_PIECES):
+        lattice = lattice_of(pieces)
+        yield lattice
         told = abs(lattice.own_value - best.problem.sign * best.value) <= TELLS_VALUE * lattice.summed
-        if told or not lattice.summable or not any(valley.value < lattice.own_value for valley in lattice.valleys()):
-            break
-        lattice = about(pieces)
-    return lattice
+        exact = lattice.summable and not lattice.landscape.approximate
+        if told or not exact or not any(valley.value < lattice.own_value for valley in lattice.valleys()):
+            return
 
 
 def _lowest(best: Solution, lattice: Lattice, valleys: list[Valley], most: int) -> list[Valley]:
@@ -276,7 +283,8 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
     found: list[_Found] = []
     with np.errstate(all="ignore"):
         looked, acrosses = _in_directions(best)
-        seen.directions, seen.instead = len(looked), _instead(best.problem)
+        seen.directions = len({tuple(direction.shares.tolist()) for direction, _ in looked})
+        seen.instead = _instead(best.problem)
         seen.pieces = max([seen.pieces, *(about.pieces for _, about in looked)])
         seen.walled = seen.walled or any(about.walled for _, about in looked)
         seen.across = seen.across or any(across is not None for across in acrosses)
@@ -288,7 +296,8 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
                 return fallen
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
             found += _across(across)
-        box = together([(*pair, across) for pair, across in zip(looked, acrosses, strict=True)])
+        several = seen.directions > 1
+        box = together([(*pair, across) for pair, across in zip(looked, acrosses, strict=True)]) if several else None
         bent = cheaper_ends(best)
         found += _across(box) + _across(bent)
     if len(found) > FOLLOWED_IN_DIRECTIONS:
@@ -312,10 +321,11 @@ def _in_directions(best: Solution) -> tuple[list[tuple[AlongDirection, PolygonLa
     from varcalc.existence.directions import from_polygon, in_directions, is_polygonal
 
     if is_polygonal(best.problem):
-        about = _telling(best, lambda k: PolygonLattice(from_polygon(best, k), np.zeros_like, pieces=k))
+        about = list(_about(best, lambda k: PolygonLattice(from_polygon(best, k), np.zeros_like, pieces=k)))
         across = across_the_landscape(from_polygon(best, PIECES_ACROSS), np.zeros_like)
-        if math.isfinite(about.own_value) and (across is None or math.isfinite(across.own_value)):
-            return [(from_polygon(best, about.pieces), about)], [across]
+        if math.isfinite(about[-1].own_value) and (across is None or math.isfinite(across.own_value)):
+            looked = [(from_polygon(best, lattice.pieces), lattice) for lattice in about]
+            return looked, [across, *(None for _ in about[1:])]
     looked = [(d, PolygonLattice(d, np.zeros_like)) for d in in_directions(best)]
     looked = [(direction, about) for direction, about in looked if math.isfinite(about.own_value)]
     return looked, [across_the_landscape(direction, np.zeros_like) for direction, _ in looked]

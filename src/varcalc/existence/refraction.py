@@ -124,7 +124,8 @@ def _met(problem: Problem, curve: Curve, nodes: np.ndarray, small: float, sizes:
     """The switches that a curve meets, or follows where they are less than ``small`` in their ``sizes``."""
     found = crossings(problem, curve, nodes, problem.unknown_guesses, small, sizes)
     found = _one_at_once(problem, curve, found)
-    return [c for c in breaking(problem, found) if not _repels(problem, curve, c)]
+    # on what points up no minimum stays
+    return [c for c in breaking(problem, found) if c.until is None or not _points_up(problem, curve, c)]
 
 
 def _by_polygons(
@@ -242,7 +243,7 @@ def _least(
         if held is not None and as_held(problem, held):
             return held
     # what turns where friction holds it comes to rest; kinks of the place alone are for corners that move
-    turning = any(c.switch.depends_on(problem.symbols.highest) for c in found)
+    turning = any(c.switch.depends_on(problem.symbols.highest) and not _points_up(problem, curve, c) for c in found)
     rests = turning or (found and any(problem.of_type(Bound))) or along_jumps(problem, curve)
     alone = riding and all(c.until is not None for c in found)
     ways = [with_rests, settled] if rests else [settled, with_rests] if alone else [settled] if found else []
@@ -281,12 +282,12 @@ def _distance(problem: Problem, curve: Curve, crossing: Crossing, x: float) -> f
     return abs(float(along[number, 0]) - crossing.level)
 
 
-def _repels(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
-    """Whether L has a maximum, of the kink that a curve follows, in the highest derivative: no minimum stays there."""
+def _points_up(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
+    """Whether the kink that a curve meets is one of the highest derivative at which L has a maximum."""
     s = problem.symbols
-    if crossing.until is None or not crossing.switch.depends_on(s.highest):
+    if not crossing.switch.depends_on(s.highest):
         return False
-    x = np.array([0.5 * (crossing.x + crossing.until)])
+    x = np.array([crossing.x if crossing.until is None else 0.5 * (crossing.x + crossing.until)])
     derivatives = [curve(x, k)[:, 0] for k in range(1 + problem.order)]
     lower, highest = derivatives[:-1], derivatives[-1]
     switch = crossing.switch.argument - crossing.level
