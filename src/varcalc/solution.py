@@ -93,7 +93,8 @@ class Solution(Plotted):
     ``x`` the nodes, ``multipliers`` one entry for each constraint in the order
     given (floats, dJ/dlevel, for :class:`varcalc.Isoperimetric`),
     ``sensitivities`` dJ/dparameter by name (NaN for one that moves an end where that is not known:
-    at singular ends, at second order, beside pathwise conditions and costs of the ends), ``unknowns`` the optimised
+    at singular ends, at second order, beside pathwise conditions and costs of the ends; and for one that moves what a
+    curve rests on where kinks hold it as well), ``unknowns`` the optimised
     unknowns by name, ``rung`` the name of the method that answered,
     ``message`` why there is no answer, when there is none. ``local`` is True
     when a better value, ``lower``, is known of; ``searched`` says where better ones were looked for.

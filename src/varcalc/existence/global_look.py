@@ -321,11 +321,16 @@ def _in_directions(best: Solution) -> tuple[list[tuple[AlongDirection, PolygonLa
     from varcalc.existence.directions import from_polygon, in_directions, is_polygonal
 
     if is_polygonal(best.problem):
-        about = list(_about(best, lambda k: PolygonLattice(from_polygon(best, k), np.zeros_like, pieces=k)))
+        directions: list[AlongDirection] = []
+
+        def lattice_of(pieces: int) -> PolygonLattice:
+            directions.append(from_polygon(best, pieces))
+            return PolygonLattice(directions[-1], np.zeros_like, pieces=pieces)
+
+        about = list(_about(best, lattice_of))
         across = across_the_landscape(from_polygon(best, PIECES_ACROSS), np.zeros_like)
         if math.isfinite(about[-1].own_value) and (across is None or math.isfinite(across.own_value)):
-            looked = [(from_polygon(best, lattice.pieces), lattice) for lattice in about]
-            return looked, [across, *(None for _ in about[1:])]
+            return list(zip(directions, about, strict=True)), [across, *(None for _ in about[1:])]
     looked = [(d, PolygonLattice(d, np.zeros_like)) for d in in_directions(best)]
     looked = [(direction, about) for direction, about in looked if math.isfinite(about.own_value)]
     return looked, [across_the_landscape(direction, np.zeros_like) for direction, _ in looked]

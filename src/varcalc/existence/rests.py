@@ -10,7 +10,7 @@ the sides on which the curve moves. That it is an extremal is seen at last (Eule
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -88,7 +88,8 @@ def with_rests(
                 return None
             own, off = resampled(curve, solution.x, 2), sum(surfaces.off_by(curve, c) for c in kept)
             error = replace(solution.error, value=solution.error.value + off)
-            return replace(solution, method=method, curve=own, extremal=None, error=error)
+            rates = surfaces.rates_known(solution.sensitivities, kept)
+            return replace(solution, method=method, curve=own, extremal=None, error=error, sensitivities=rates)
         contacts = _apart(surfaces, following)
     return None
 
@@ -201,6 +202,13 @@ class _Surfaces:
     def condition(self, contact: Contact) -> SideCondition:
         """What a contact is with."""
         return next(c for c in self.conditions if c.index == contact.index)
+
+    def rates_known(self, rates: Mapping[str, float], contacts: Sequence[Contact]) -> dict[str, float]:
+        """The sensitivities, but of parameters that move what is met: momenta that jump there would have to be told."""
+        met = ca.vertcat(*(self.condition(c).expression for c in contacts))
+        symbols = ca.vertsplit(self.problem.symbols.parameters)
+        moves = [bool(ca.depends_on(met, symbol)) for symbol in symbols]
+        return {n: math.nan if moved else rate for (n, rate), moved in zip(rates.items(), moves, strict=True)}
 
     def values(self, curve: CurveOrSlope, x: np.ndarray) -> np.ndarray:
         """What says on which side of each surface a curve is, at x (m,): (surfaces, m)."""

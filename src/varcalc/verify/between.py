@@ -115,7 +115,12 @@ def unseen_where_broken(solution: Solution) -> Unseen | None:
     plain = isinstance(problem, Problem) and problem.order == 1 and not form.stated.is_lifted
     if not plain or solution.curve is None or problem.symbols.kind is not ca.SX or not solution.status.ok:
         return None
-    missed = _in_integrals(stated(solution, form), VARYING, everywhere=False)
+    known = stated(solution, form)
+    # a method looks at as many points of an element as its degree
+    parts = max(1, -(-solution.stats.degree // LEAST_BOXES))
+    inner = known.vertices[:-1, None] + np.diff(known.vertices)[:, None] * (np.arange(parts) / parts)
+    finer = np.append(inner.ravel(), known.vertices[-1])
+    missed = _in_integrals(replace(known, vertices=finer), VARYING, everywhere=False)
     if missed is None:
         return None
     marks, room = np.unique(missed.marks), FEATURES_APART * (form.span[1] - form.span[0])

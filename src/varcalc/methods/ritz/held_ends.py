@@ -40,22 +40,32 @@ class HeldEnds:
             ends[end][0, 0] = ordinate_at(self.plain, self._bound(contact).expression, contact)
         return replace(self.plain, ends=replace(self.plain.ends, start=ends[0], end=ends[1]), cache=Cache())
 
-    def presses(self, solution: Solution) -> bool:
-        """Whether no end of an answer would rather leave its bound."""
-        return all(self._pressed(solution, end, contact) for end, contact in self.held.items())
+    def counted(self, solution: Solution) -> Solution | None:
+        """An answer with what its ends are held for; None where one of them would rather leave its bound."""
+        rates = dict(solution.sensitivities)
+        for end, contact in self.held.items():
+            push, moved = self._push(solution, end, contact)
+            if not push * (1.0 if contact.level == self._bound(contact).upper else -1.0) < 0:
+                return None
+            # an end that is held goes where the parameters move its bound
+            for name, rate in zip(rates, moved, strict=True):
+                rates[name] -= self.plain.sign * push * float(rate)
+        return replace(solution, sensitivities=rates)
 
     def _bound(self, contact: Contact) -> SideCondition:
         return next(c for c in self.plain.conditions.pathwise if c.index == contact.index)
 
-    def _pressed(self, solution: Solution, end: int, contact: Contact) -> bool:
-        """Whether the functional would be lower beyond the bound."""
-        form, bound, curve = self.plain, self._bound(contact), solution.curve
+    def _push(self, solution: Solution, end: int, contact: Contact) -> tuple[float, np.ndarray]:
+        """How fast what is minimised grows as an end goes with what its bound bounds; and that with the parameters."""
+        form, bound, curve, extremal = self.plain, self._bound(contact).expression, solution.curve, solution.extremal
         assert curve is not None
         s, x = form.symbols, np.array([form.span[end]])
-        rates = [ca.gradient(form.integrand, s.dy), ca.gradient(bound.expression, s.y)]
-        momentum, outwards = (float(v) for v in _at(form, rates, x, curve))
+        levels = zip(form.conditions.integrals, extremal.lambdas, strict=True)
+        whole = form.integrand + sum(float(factor) * level.expression for level, factor in levels)
+        rates = [ca.gradient(whole, s.dy), ca.gradient(bound, s.y), ca.gradient(bound, s.parameters)]
+        momentum, outwards, *moved = _at(form, rates, x, curve)
         rate = (momentum if end else -momentum) + _rate_of_cost(form, solution, end)
-        return rate * outwards * (1.0 if contact.level == bound.upper else -1.0) < 0
+        return float(rate / outwards), np.array(moved)
 
 
 def holds_free_ends(form: Form) -> bool:

@@ -179,8 +179,8 @@ class Ritz(Brief):
         """The answer with free ends given where bounds hold them, as ``seen`` shows; None where none hold them."""
         for way in held_ends(form, seen):
             solution = self.solve(way.form, tol=tol, guess=guess)
-            if solution.status.ok and way.presses(solution):
-                return solution
+            if solution.status.ok and (counted := way.counted(solution)) is not None:
+                return counted
         return None
 
     def _through_contacts(self, form: Form, tol: float, guess: Sampled | None, climbs: list[_Climb]) -> Solution | None:
