@@ -236,7 +236,8 @@ class _Surfaces:
     def contacts(self, curve: CurveOrSlope, found: Sequence[Crossing]) -> list[Contact]:
         """The contacts where a curve meets kinks, as it was ``found`` to, and where it is at bounds.
 
-        A kink of the slope that it goes through holds it for as long as the momentum takes.
+        A kink of the slope that it goes through holds it for as long as the momentum takes; where that does not change
+        at all a curve that seems to go through is at rest on both sides, or straight to round-off.
         """
         met, first = list[Contact](), len(self.problem.constraints)
         for c in found:
@@ -246,6 +247,8 @@ class _Surfaces:
             index = first + number
             held = c.until is None and self._steep[index]
             half = 0.5 * self._time_across(curve, c.x) if held else 0.0
+            if held and half == 0:
+                continue
             met.append(Contact(index, 0.0, c.x - half, c.x + half if c.until is None else c.until))
         x = np.linspace(*self.problem.span, PLACES_FOR_BOUNDS)
         values = self.values(curve, x)
