@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import casadi as ca
 import mpmath
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
 
 import varcalc as vc
 from varcalc.existence.corners import convex
@@ -153,3 +156,128 @@ def test_no_straight_line_is_called_a_minimum_where_wells_are_small():
     wells = vc.Problem(lambda x, y, dy: ((256 * dy) ** 2 - 1) ** 2, vc.Fixed(0, 0.3), vc.Fixed(1, 0.3 + 0.78 / 256))
     solution = vc.solve(wells, throw=False)
     assert not solution.status.ok or abs(solution.value) <= 1e-12
+
+
+def pulled_at_its_end(slope, pull):
+    """Two wells of the slope that a load shares out, and a pull at the free end that turns the curve just before it.
+
+    With y the integral of v, and p(x) = pull - slope (1 - x), what is integrated is (v^2 - 1)^2 / 2 - p v: each slope
+    by itself. It is the outer root of 2 v (v^2 - 1) = p on the side of p.
+    """
+
+    def momentum(x):
+        return pull - slope * (1 - x)
+
+    def steepest(x):
+        p = momentum(x)
+        return mpmath.sign(p) * mpmath.findroot(lambda v: 2 * v * (v**2 - 1) - abs(p), 1.2)
+
+    def summed(x):
+        return (steepest(x) ** 2 - 1) ** 2 / 2 - momentum(x) * steepest(x)
+
+    turned = 1 - pull / mpmath.mpf(slope)
+    problem = vc.Problem(
+        lambda x, y, v: (v**2 - 1) ** 2 / 2 + slope * y,
+        vc.Fixed(0, 0),
+        vc.Free(1),
+        end_cost=lambda x0, y0, x1, y1: -pull * y1,
+    )
+    return problem, float(mpmath.quad(summed, [0, turned, 1]))
+
+
+@pytest.mark.parametrize(("slope", "pull"), [(2.0, 0.1), (2.0, 0.02), (0.5, 0.01), (3.0, 0.5)])
+def test_a_corner_just_before_a_free_end(slope, pull):
+    problem, least = pulled_at_its_end(slope, pull)
+    solution = vc.solve(problem)
+    assert abs(solution.value - least) <= 10 * solution.error.value + 1e-12
+    assert not solution.local
+
+
+def test_a_corner_too_near_to_a_free_end_is_no_minimum_without_it():
+    problem, least = pulled_at_its_end(5.0, 0.002)
+    solution = vc.solve(problem, throw=False)
+    assert solution.value > least
+    assert not solution.status.ok
+    assert solution.verdict is vc.Verdict.WEAK_MINIMUM
+
+
+@pytest.mark.parametrize(("depth", "width", "place", "span"), [(1.0, 0.15, 0.5, 2.0), (3.0, 0.1, 0.8, 1.5)])
+def test_finer_and_finer_corners_rest_in_a_well_that_is_elsewhere(depth, width, place, span):
+    # at rest on the well's bottom by slopes of -1 and 1, where L is -depth; on the way there v L_v - L is depth
+    problem = vc.Problem(
+        lambda x, y, v: (v**2 - 1) ** 2 / 2 - depth * ca.exp(-(((y - place) / width) ** 2)),
+        vc.Fixed(0, 0),
+        vc.Free(span),
+    )
+
+    def momentum(y):
+        rest = 2 * depth * (1 - mpmath.exp(-(((y - place) / width) ** 2)))
+        square = (1 + mpmath.sqrt(1 + 3 * (1 + rest))) / 3
+        return 2 * mpmath.sqrt(square) * (square - 1)
+
+    infimum = float(mpmath.quad(momentum, [0, place - width, place]) - depth * span)
+    solution = vc.solve(problem, throw=False)
+    assert solution.verdict is vc.Verdict.NOT_ATTAINED
+    told = float(solution.message.split("functional to ")[1].split(",")[0])
+    assert abs(told - infimum) < 1e-2 * abs(infimum)  # polygons of 64 pieces
+
+
+def test_relaxed_polygons_end_where_the_cost_of_an_end_tells_and_break_where_L_does():
+    # with v = -1 or 1 at no cost the integral of a y for x > 1/2 alone and the end pull y(1): as low, then as high as
+    # it can be
+    problem = vc.Problem(
+        lambda x, y, v: (v**2 - 1) ** 2 / 2 + ca.if_else(x > 0.5, 0.0, 1.0) * y,
+        vc.Fixed(0, 0),
+        vc.Free(1),
+        end_cost=lambda x0, y0, x1, y1: -0.25 * y1,
+    )
+
+    def summed(p):
+        v = mpmath.sign(p) * mpmath.findroot(lambda v: 2 * v * (v**2 - 1) - abs(p), 1.2)
+        return (v**2 - 1) ** 2 / 2 - p * v
+
+    # p is the pull, less what is left of the load
+    exact = mpmath.quad(lambda x: summed(0.25 - (0.5 - x)), [0, 0.25, 0.5]) + summed(0.25) / 2
+    solution = vc.solve(problem)
+    assert abs(solution.value - float(exact)) <= 10 * solution.error.value + 1e-12
+
+
+def test_a_corner_between_two_crossings_of_a_kink():
+    # the momentum p grows by x, and by the load above the level; down to the level, across, the corner where p is
+    # zero, and up again
+    load, level, first, met, span = 0.7, -0.1, -0.45, 0.3, 2.0
+    at_level = first + load * met + met**2 / 2
+    turned = math.sqrt(met**2 - 2 * at_level)
+
+    def steepest(p):
+        return math.copysign(max(np.roots([2, 0, -2, -abs(p)]).real), p)
+
+    def momentum(x, back):
+        p = first + x**2 / 2 + load * min(x, met)
+        return p + load * max(0, x - back)
+
+    def fallen(a, b, back=math.inf):
+        return quad(lambda x: steepest(momentum(x, back)), a, b, epsabs=1e-13)[0]
+
+    back = brentq(lambda x: fallen(met, turned) + fallen(turned, x), turned, span, xtol=1e-14)
+    y0, y1 = level - fallen(0, met), level + fallen(back, span, back)
+
+    def place(x):
+        if x < met:
+            return y0 + fallen(0, x)
+        return level + fallen(back, x, back)
+
+    def summed(x):
+        v = steepest(momentum(x, back))
+        y = place(x) if x < met or x > back else level + fallen(met, min(x, turned)) + fallen(turned, max(x, turned))
+        return (v**2 - 1) ** 2 / 2 + x * y + load * max(0, y - level)
+
+    least = sum(quad(summed, a, b, epsabs=1e-11)[0] for a, b in pairwise([0, met, turned, back, span]))
+    problem = vc.Problem(
+        lambda x, y, v: (v**2 - 1) ** 2 / 2 + x * y + load * ca.fmax(0, y - level),
+        vc.Fixed(0, y0),
+        vc.Fixed(span, y1),
+    )
+    solution = vc.solve(problem)
+    assert abs(solution.value - least) < 1e-9
+    assert not solution.local

@@ -298,3 +298,39 @@ def test_a_narrow_strip_between_a_jump_and_a_bound_is_followed():
     assert found.value < in_strip
     assert not found.local
     assert (found.curve(np.linspace(0.5, 7, 50), 0)[0] > 1.0293).all()
+
+
+def bounded(kinetic, well, span, end=None):
+    """The answer from zero on, under slopes of one at most."""
+    problem = vc.Problem(
+        lambda x, y, v: kinetic(v) + well(y),
+        vc.Fixed(0, 0),
+        vc.Free(span) if end is None else vc.Fixed(span, end),
+        [] if kinetic is relativistic else [vc.Bound(lambda x, y, v: v, lower=-1, upper=1)],
+    )
+    return vc.solve(problem)
+
+
+def plain(v):
+    return v**2 / 2
+
+
+def relativistic(v):
+    return -ca.sqrt(1 - v**2)
+
+
+@pytest.mark.parametrize(("depth", "place"), [(2.0, 0.5), (3.0, 0.3), (4.0, 0.8)])
+def test_a_well_that_bounded_slopes_just_lead_to(depth, place):
+    # as fast as may be up to the jump, at rest from there on
+    solution = bounded(plain, lambda y: ca.if_else(y < place, 0, -depth), 1.0)
+    assert abs(solution.value - (place / 2 - depth * (1 - place))) <= 10 * solution.error.value + 1e-11
+
+
+@pytest.mark.parametrize(("depth", "place"), [(2.0, 0.5), (3.0, 0.3), (4.0, 0.8)])
+def test_a_smooth_well_that_a_light_cone_just_leads_to(depth, place):
+    # lower than the same wall moved away by three of its widths, where it is within exp(-6) of its depth
+    width = 0.02
+    solution = bounded(relativistic, lambda y: -depth / 2 * (1 + ca.tanh((y - place) / width)), 1.0)
+    within, pace = depth * (1 - 2.5e-3), math.sqrt(1 - 1 / (1 + depth) ** 2)
+    away = place + 3 * width
+    assert solution.value < min(-1.0, -math.sqrt(1 - pace**2) * away / pace - (1 + within) * (1 - away / pace))

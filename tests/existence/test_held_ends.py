@@ -74,3 +74,17 @@ def test_an_end_near_a_faint_kink_is_where_it_costs_least(apart):
     end = least - faint / 21  # the rate of the kink moves it
     exact = end**2 / 2 + 10 * (end - 1.05 * least) ** 2 + faint * (end - kink)
     assert abs(solution.value - exact) <= solution.error.value + 1e-15
+
+
+def test_an_end_is_held_beside_bounds_and_kinks_that_the_curve_does_not_meet():
+    # y'' = -2 above the kink of the place at -0.3; the momentum at the end, 0, is less than what its cost holds
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 - 2 * ca.fabs(y + 0.3),
+        vc.Fixed(0, 0),
+        vc.Free(1),
+        [vc.Bound(lambda x, y, v: v, lower=-3, upper=3)],
+        end_cost=lambda x0, y0, x1, y1: 3 * ca.fabs(y1 - 1),
+    )
+    solution = vc.solve(problem)
+    # y = 2 x - x^2: 2 (1 - x)^2 - 2 (2 x - x^2 + 0.3)
+    assert abs(solution.value - (2 / 3 - 2 * (1 - 1 / 3 + 0.3))) <= 10 * solution.error.value + 1e-13

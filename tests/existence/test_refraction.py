@@ -1,6 +1,7 @@
 """Minima that meet kinks and jumps of the Lagrangian in y, in (x, y) and in the slope, against closed forms."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -409,3 +410,45 @@ def test_a_curve_that_stays_on_a_kink_that_does_not_hold_it_is_not_verified():
     assert measured.verdict is vc.Verdict.NO_EXTREMAL
     assert any("does not hold it" in finding.sentence for finding in measured.findings)
     assert not vc.verify(found).evidence["kinks"]
+
+
+@pytest.mark.parametrize(
+    "stiffer",
+    [
+        lambda v, slope, more: ca.if_else(v > slope, more * (v - slope) ** 2, 0),
+        lambda v, slope, more: more * ca.fmax(0, v - slope) ** 2,
+    ],
+    ids=["if_else", "fmax"],
+)
+def test_a_slope_from_which_on_a_curve_is_stiffer_is_passed_on_the_way_from_a_kink(stiffer):
+    # the momentum is the first slope up to the level, and grows by the load from there; three pieces
+    load, level, slope, more, first, span = 3.0, 0.3, 0.8, 2.0, 0.5, 1.5
+    met, passed = level / first, level / first + (slope - first) / load
+
+    def pace(t):
+        p = first + load * max(0.0, t - met)
+        return p if p < slope else (p + 2 * more * slope) / (1 + 2 * more)
+
+    def place(t):
+        nodes, weights = np.polynomial.legendre.leggauss(4)
+        edges = [0.0, *(e for e in (met, passed) if e < t), t]
+        return sum(
+            w * (b - a) / 2 * pace((a + b) / 2 + (b - a) / 2 * n)
+            for a, b in pairwise(edges) for n, w in zip(nodes, weights, strict=True)
+        )  # fmt: skip
+
+    def summed(t):
+        return pace(t) ** 2 / 2 + more * max(0.0, pace(t) - slope) ** 2 + load * max(0.0, place(t) - level)
+
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    least = sum(
+        w * (b - a) / 2 * summed((a + b) / 2 + (b - a) / 2 * n)
+        for a, b in pairwise([0.0, met, passed, span]) for n, w in zip(nodes, weights, strict=True)
+    )  # fmt: skip
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + stiffer(v, slope, more) + load * ca.fmax(0, y - level),
+        vc.Fixed(0, 0),
+        vc.Fixed(span, place(span)),
+    )
+    solution = vc.solve(problem)
+    assert abs(solution.value - least) <= 10 * solution.error.value

@@ -1,5 +1,6 @@
 """Curves that friction holds again and again: each rest ends where the momentum is enough to set out."""
 
+import math
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -379,3 +380,65 @@ def test_a_short_push_on_what_friction_slows(case):
     assert not found.status.ok or abs(found.value - exact) < 1e-5
     # one that comes to rest, or sets out, within the push may be refused
     assert found.status.ok or case[0] in {2.7622, 3.496}
+
+
+def held_twice(load, friction, slope, level, first, last, span):
+    """A curve that friction holds at a slope, and then a kink of the place at rest, as pieces that are parabolas.
+
+    L is v^2/2 + friction |v + slope| + load max(0, y - level). On the way down the momentum grows by the load: the
+    slope is held while it grows by twice the friction, ends as the curve comes to the level, and leaves it in time.
+    """
+    left = span - math.sqrt(2 * (last - level) / load)
+    here = level + slope**2 / (2 * load) + 2 * friction * slope / load
+    a = (-slope + math.sqrt(slope**2 + 2 * load * (first - here))) / load
+    b = a + 2 * friction / load
+    d = b + slope / load
+
+    def curve(x):
+        if x < a:
+            return here + slope * (a - x) + load * (a - x) ** 2 / 2, -slope - load * (a - x)
+        if x < b:
+            return here - slope * (x - a), -slope
+        if x < d:
+            return level + load * (d - x) ** 2 / 2, -load * (d - x)
+        return level + load * max(0.0, x - left) ** 2 / 2, load * max(0.0, x - left)
+
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    total = 0.0
+    for low, high in ((0.0, a), (a, b), (b, d), (d, left), (left, span)):
+        for x, w in zip((low + high) / 2 + (high - low) / 2 * nodes, weights * (high - low) / 2, strict=True):
+            y, v = curve(x)
+            total += w * (v**2 / 2 + friction * abs(v + slope) + load * max(0.0, y - level))
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + friction * ca.fabs(v + slope) + load * ca.fmax(0, y - level),
+        vc.Fixed(0, first),
+        vc.Fixed(span, last),
+    )
+    return problem, total
+
+
+@pytest.mark.parametrize(
+    "numbers", [(2.397, 1.175, 0.14, -0.547, -0.03, 0.666, 4.0), (3.0, 0.5, 0.3, -0.5, 0.2, 0.4, 4.0)]
+)
+def test_what_a_slope_holds_ends_before_a_level_of_another_slope_does(numbers):
+    problem, least = held_twice(*numbers)
+    solution = vc.solve(problem)
+    assert abs(solution.value - least) <= 10 * solution.error.value + 1e-13
+
+
+def test_a_curve_beside_a_jump_has_the_value_it_is_said_to_have():
+    # up to the jump, along it on its lower side of L, and down again, as steep as the energy says; slopes have a bound
+    gain, level, first, last = 0.719, 0.305, 0.135, -0.858
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 - gain * ca.if_else(y > level, 1, 0) + 2.593 * ca.if_else(y > 0.98, 1, 0),
+        vc.Fixed(0, first),
+        vc.Fixed(2, last),
+        [vc.Bound(lambda x, y, v: v, lower=-1.46, upper=1.46)],
+    )
+    steep = math.sqrt(2 * gain)
+    moving = ((level - first) + (level - last)) / steep
+    solution = vc.solve(problem)
+    assert abs(solution.value - (gain * moving - gain * (2 - moving))) < 1e-9
+    x = np.linspace(0, 2, 200_001)[1:-1:2]
+    y, v = solution.y(x).ravel(), solution.dy(x).ravel()
+    assert abs(2 * np.mean(v**2 / 2 - gain * (y > level)) - solution.value) < 1e-3

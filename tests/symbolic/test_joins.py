@@ -55,3 +55,14 @@ def test_branches_that_agree_in_parts_of_the_switch_alone_jump(expression):
     found = joined([expression], [y, v], switches([expression], [y, v]))
     assert any(switch.jumps for switch in found)
     assert not any(switch.jumps and switch.smooth for switch in found)
+
+
+@pytest.mark.parametrize("width", [1e-1, 1e-2, 1e-3])
+def test_branches_agree_beside_what_is_narrow(width):
+    # far from the narrow load its derivatives are as small as one likes, and differ by their round-off
+    x, y, v = (ca.SX.sym(name) for name in "xyv")
+    stiffer = ca.if_else(v > 0.148, 0.167 * (v - 0.148) ** 2, 0)
+    written = v**2 / 2 + stiffer + (5.604 * ca.exp(-(((x - 0.399) / width) ** 2)) * y + 2.761 * y)
+    (found,) = joined([written], [x, y, v], switches([written], [x, y, v]))
+    assert found.smooth
+    assert not found.jumps

@@ -24,6 +24,8 @@ HELD = 1e-7
 """Difference, relative to what is summed, of a curve's functional and what was found of it, which the sum may make."""
 ORDINATE_ROUND_OFF = 1e-14
 """Relative round-off of the ordinates of a curve that lies on a kink."""
+JUMP_BY_ROUND_OFF = 1e-3
+"""Change of L by it, in units of the largest L along the curve, that is a jump."""
 
 
 def above_kinks(form: Form, method: Ritz, tol: float, curve: Sampled) -> Solution | None:
@@ -56,7 +58,10 @@ def as_held(problem: Problem, solution: Solution) -> bool:
         problem.integrand_values(x, y * near, dy, unknowns=unknowns, ddy=ddy)
         for near in (1.0, 1.0 + ORDINATE_ROUND_OFF)
     )
-    value, size, round_off = (float(v @ weights) for v in (values, np.abs(values), np.abs(others - values)))
+    felt = np.abs(others - values)
+    # where round-off puts a curve on either side of a jump it runs along that, on which L is either
+    felt[felt > JUMP_BY_ROUND_OFF * np.abs(values).max()] = 0.0
+    value, size, round_off = (float(v @ weights) for v in (values, np.abs(values), felt))
     cost = _end_cost(problem, solution)
     return abs(value + cost - solution.value) <= solution.error.value + HELD * (size + abs(cost)) + round_off
 

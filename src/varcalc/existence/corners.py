@@ -11,17 +11,20 @@ not attained.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from varcalc.existence.directions import CurveOrSlope, polygonal
 from varcalc.existence.relaxation import Relaxed, applies, relaxed
 from varcalc.formulation import broken_form, formulate
 from varcalc.methods.ritz.method import Ritz
+from varcalc.problem.breaks import on_curve
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
+from varcalc.symbolic.derived import answered
 from varcalc.verify.slopes import vouched
 
 RELAXED_PIECES = (32, 64)
@@ -41,18 +44,12 @@ SURE = 10.0
 
 def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution:
     """A minimum with corners where there is one; else the failure, told apart when the infimum is not attained."""
-    known = failure.verdict is Verdict.WEAK_MINIMUM  # Weierstrass's excess has told that it is not convex
-    if not (isinstance(problem, Problem) and applies(problem)) or (not known and convex(problem)):
+    if not (isinstance(problem, Problem) and bent(problem, failure)):
         return failure
-    coarse, fine = (relaxed(problem, pieces) for pieces in RELAXED_PIECES)
+    coarse, fine, best = _cornered(problem, tol)
     if coarse is None or fine is None:
         return failure
-    sign, best = problem.sign, None
-    for teeth in _sketches(problem, fine):
-        found = _solved(problem, teeth, tol, fine)
-        if found is not None and (best is None or sign * found.value < sign * best.value):
-            best = found
-    doubt = SURE * abs(coarse.value - fine.value) + (tol * max(1.0, abs(fine.value)))
+    sign, doubt = problem.sign, SURE * abs(coarse.value - fine.value) + (tol * max(1.0, abs(fine.value)))
     reached = best is not None and sign * (best.value - fine.value) <= doubt
     if reached and best is not None:
         return best
@@ -63,6 +60,44 @@ def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution
         f"{fine.mixed.mean():.0%} of the interval, bring the functional to {fine.value:.6g}, and no curve reaches it"
     )
     return refused(failure, Finding(Verdict.NOT_ATTAINED, message))
+
+
+def lower_with_corners(best: Solution, tol: float) -> Solution | None:
+    """A lower minimum with corners, or the known one marked for what finer and finer ones come to; None for neither."""
+    problem, sign = best.problem, best.problem.sign
+    if not (isinstance(problem, Problem) and applies(problem)):
+        return None
+    coarse, fine, found = _cornered(problem, tol)
+    if coarse is None or fine is None:
+        return None
+    known = sign * best.value - best.error.value
+    if found is not None and sign * found.value < known - found.error.value - tol * max(1.0, abs(found.value)):
+        return found
+    if not sign * fine.value < known - SURE * abs(coarse.value - fine.value) - tol * max(1.0, abs(fine.value)):
+        return None
+    kind = "maximum" if sign < 0 else "minimum"
+    message = f"a local {kind} only: finer and finer corners bring the functional to {fine.value:.6g}"
+    return replace(best, local=True, message=message)
+
+
+def bent(problem: Functional, failure: Solution) -> bool:
+    """Whether L of a problem whose curves may have corners is not convex in the slope."""
+    if not (isinstance(problem, Problem) and applies(problem)):
+        return False
+    # that may have been told by Weierstrass's excess
+    return failure.verdict is Verdict.WEAK_MINIMUM or not convex(problem)
+
+
+@answered
+def _cornered(problem: Problem, tol: float) -> tuple[Relaxed | None, Relaxed | None, Solution | None]:
+    """The relaxed problem on coarse and on fine polygons, and the least minimum with the corners that it shows."""
+    coarse = relaxed(problem, RELAXED_PIECES[0])
+    fine = None if coarse is None else relaxed(problem, RELAXED_PIECES[1], coarse)
+    if coarse is None or fine is None:
+        return coarse, fine, None
+    found = (_solved(problem, teeth, tol, fine) for teeth in _sketches(problem, fine))
+    best = min((f for f in found if f is not None), key=lambda s: problem.sign * s.value, default=None)
+    return coarse, fine, best
 
 
 def convex(problem: Problem) -> bool:
@@ -147,14 +182,30 @@ def _solved(problem: Problem, teeth: _Teeth, tol: float, found: Relaxed) -> Solu
     """The direct method from a polygon whose corners may move, if the answer stands."""
     marks = np.array([teeth.x[k] for k in _jumps(problem, found, teeth)])
     heights = found.y[0] + np.concatenate([[0.0], np.cumsum(teeth.slopes * np.diff(teeth.x))])
+    way = Ritz(starts=1)
+    solution = (
+        _through_switches(problem, way, tol, polygonal(teeth.x, heights[None]), marks) if on_curve(problem) else None
+    )
+    if solution is None:
+        form = broken_form(problem, marks.tolist(), lambda x: np.interp(x, teeth.x, heights)[None])
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            solution = way.solve(form, tol=tol, guess=None)
+    if not solution.status.ok or solution.extremal is None:
+        return None
+    return solution if vouched(solution, solution.extremal.form).status.ok else None
 
-    def curve(x: np.ndarray) -> np.ndarray:
-        return np.interp(x, teeth.x, heights)[None]
 
-    form = broken_form(problem, marks.tolist(), curve)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        solution = Ritz(starts=1).solve(form, tol=tol, guess=None)
-    return solution if solution.status.ok and vouched(solution, form).status.ok else None
+def _through_switches(
+    problem: Problem, method: Ritz, tol: float, polygon: CurveOrSlope, marks: np.ndarray
+) -> Solution | None:
+    """The answer with corners near ``marks`` that is broken where the polygon meets what switches; None for none."""
+    from varcalc.existence.in_pieces import breaking, settled  # few curves come to this
+    from varcalc.methods.crossings import crossings
+
+    nodes = np.union1d(marks, np.linspace(*problem.span, 1 + RELAXED_PIECES[-1]))
+    found = breaking(problem, crossings(problem, polygon, nodes, problem.unknown_guesses))
+    found = [c for c in found if not c.switch.smooth]
+    return settled(problem, method, tol, polygon, found, marks.tolist()) if found else None
 
 
 def _lowest_known(failure: Solution, best: Solution | None) -> float:

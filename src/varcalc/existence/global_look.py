@@ -19,8 +19,6 @@ import numpy as np
 
 from varcalc.existence.broken_curve import with_rival
 from varcalc.existence.polygons import (
-    FAR,
-    NEAR,
     PIECES,
     PIECES_ACROSS,
     Graphs,
@@ -43,6 +41,7 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import PROVED, Solution
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.variation import gentle_across
+from varcalc.verify.slopes import concave_beside
 
 if TYPE_CHECKING:
     from varcalc.existence.directions import AlongDirection
@@ -78,6 +77,8 @@ MORE_PIECES, TELLS_VALUE = (20, 40), 0.05
 UNSURE = 2.0
 """How far polygons' values may be off, in units of what the one through the known curve is off by."""
 LED_NOWHERE = "leads to no minimum that could be found"
+WITHDRAWN = 0.9
+"""Share of its departures that are left to a polygon that is too steep to start from."""
 ROUGHLY = 0.05
 """How far above the known value a rough one may be, in units of what is summed, for the valley to be lower."""
 
@@ -110,7 +111,7 @@ def _ordinates(solution: Solution, x: np.ndarray) -> np.ndarray:
     return y
 
 
-def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solution:
+def looked_around(solution: Solution, polish: Polish, tol: float, *, followed: bool) -> Solution:
     """The solution, or a lower one; marked local where something lower is known of that is no solution.
 
     Where lower valleys are ``followed``, what ``polish`` finds in one is the answer; else it is only told of.
@@ -133,12 +134,23 @@ def looked_around(solution: Solution, polish: Polish, *, followed: bool) -> Solu
         lower = _in_narrow_valleys(best, seen, way)
         if lower is None or lower.local:
             lower = (_lower(best, seen, polish) if graph else _lower_in_directions(best, seen, way)) or lower
+        if lower is None or lower.local:
+            lower = _with_corners(best, tol) or lower
         if lower is None or not lower.status.ok or lower.local or not followed:
             return _told(best, lower, seen.sentence)
         best = replace(lower, method=solution.method)
     kind = "maximum" if problem.sign < 0 else "minimum"
     message = f"perhaps a local {kind} only: each of {DESCENTS} looks led to a lower curve, and there may be more"
     return replace(best, local=True, message=message, searched=seen.sentence)
+
+
+def _with_corners(best: Solution, tol: float) -> Solution | None:
+    """A lower solution with corners, or the known one marked for many; None for neither, as where L is convex."""
+    if best.problem.n > 1 or not concave_beside(best):
+        return None
+    from varcalc.existence.corners import lower_with_corners  # few problems need them
+
+    return lower_with_corners(best, tol)
 
 
 @dataclass
@@ -148,6 +160,7 @@ class _LookedAt:
     number: int = 0
     reach: float = 0.0
     pieces: int = PIECES
+    nodes: int = 0
     across: bool = False
     walled: bool = False
     directions: int = 0
@@ -162,8 +175,7 @@ class _LookedAt:
         """The lattices, as far as L is convex in the slope, and the other valleys."""
         if not (self.directions or self.reach):
             return "other valleys were not looked for: along the curve's own polygon L is no number"
-        nodes = 2 * (len(NEAR) + FAR) + 1
-        looked = f"all polygons on a lattice of {self.pieces} by {nodes}"
+        looked = f"all polygons on a lattice of {self.pieces} by {self.nodes}"
         if self.directions:
             one = self.directions == 1
             looked += f" in {'the one direction' if one else f'{self.directions} directions'} from the curve"
@@ -198,7 +210,7 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish) -> Solution | None:
             worth = filter(partial(_worth_following, best, about), about.valleys())
             valleys = _lowest(best, about, list(worth), FOLLOWED)
             seen.walled = seen.walled or about.walled
-        seen.pieces = max(seen.pieces, about.pieces)
+        seen.pieces, seen.nodes = max(seen.pieces, about.pieces), max(seen.nodes, about.levels)
         seen.reach, seen.number = max(seen.reach, about.reach), seen.number + len(valleys)
         lower = _lower_about(best, about, valleys, polish)
         if lower is not None and not lower.local:
@@ -286,6 +298,7 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
         seen.directions = len({tuple(direction.shares.tolist()) for direction, _ in looked})
         seen.instead = _instead(best.problem)
         seen.pieces = max([seen.pieces, *(about.pieces for _, about in looked)])
+        seen.nodes = max([seen.nodes, *(about.levels for _, about in looked)])
         seen.walled = seen.walled or any(about.walled for _, about in looked)
         seen.across = seen.across or any(across is not None for across in acrosses)
         for (direction, about), across in zip(looked, acrosses, strict=True):
@@ -437,6 +450,10 @@ def _by_meshes(
     sign, (rough_way, exact_way) = best.problem.sign, ways
     start = lattice.landscape.along(valley.start)
     rough = polish(rough_way, start)
+    if not rough.status.ok and math.isnan(rough.value):
+        # a polygon as steep as a curve may be leads nowhere, nor is a coarse mesh beside it less steep
+        start = _withdrawn(best, start)
+        rough = polish(ACROSS[0], start)
     # a coarse mesh may say of a steep curve no more than that it is far lower
     low = sign * (rough.value - best.value) < ROUGHLY * lattice.summed
     if not low or _departure(rough, best) < ONE_CURVE:
@@ -451,6 +468,18 @@ def _by_meshes(
     if rough.status.ok and _is_lower(rough.value, best, rough.error.value, SURELY_LOWER):
         return _marked(best, f"a rough curve has the value {rough.value:.6g}, and {LED_NOWHERE}")
     return None
+
+
+def _withdrawn(best: Solution, start: Sampled) -> Sampled:
+    """What is started from nearer to the known curve, whose slopes are less than the steepest."""
+    curve = best.curve
+    assert curve is not None
+
+    def nearer(x: np.ndarray) -> np.ndarray:
+        known = curve(np.atleast_1d(x), 0)
+        return known + WITHDRAWN * (start(np.atleast_1d(x)) - known)
+
+    return nearer
 
 
 def _by_moved_polygon(best: Solution, lattice: Valleys, valley: Valley, polish: Polish) -> Solution | None:

@@ -6,7 +6,7 @@ The abscissae at which a curve is broken are unknowns, with Weierstrass and Erdm
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -57,11 +57,16 @@ MOST = 40
 """Crossings of one curve that are treated."""
 
 
-def settled(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
-    """The least curve broken where ``curve`` meets switches, or where that one does, until it meets no others."""
+def settled(
+    problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing], bent: Sequence[float] = ()
+) -> Solution | None:
+    """The least curve broken where ``curve`` meets switches, or where that one does, until it meets no others.
+
+    It has corners near the abscissae at which it is ``bent`` as well.
+    """
     on_jump: float | None = None  # the value along a curve on a jump itself
     for _ in range(ROUNDS):
-        solution = None if len(found) > MOST else _broken_at(problem, method, tol, curve, found)
+        solution = None if len(found) > MOST else _broken_at(problem, method, tol, curve, found, bent)
         if solution is None or solution.curve is None:
             return None
         if len(lasting := _lasting(solution, found)) < len(found):
@@ -206,8 +211,10 @@ def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solu
     return moved
 
 
-def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing]) -> Solution | None:
-    """The least curve that is broken near where ``curve`` meets switches; None where none is found."""
+def _broken_at(
+    problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing], bent: Sequence[float] = ()
+) -> Solution | None:
+    """The least curve that is broken near where ``curve`` meets switches, or is ``bent``; None where none is found."""
     if any(_throughout(problem, c) or _chattering(problem, c) for c in found):
         return None
     # what is met at an end itself leaves nothing to be broken
@@ -222,8 +229,10 @@ def _broken_at(problem: Problem, method: Ritz, tol: float, curve: Curve, found: 
     ways = [(False, plainly)] if kept else [(False, plainly), (True, plainly)]  # some of every piece is kept anyway
     if not kept and any(isinstance(piece, Ride) for piece in pieces):
         ways.insert(1, (True, replace(plainly, degree=ROUGH_DEGREE, refine=False)))
+    # the equations hold where L stays smooth
+    loose = [s.argument for s in on_curve(problem) if s.smooth and not any(c.switch is s for c in found)]
     for keeping, way in ways:
-        form = broken_form(problem, [], ordinates_of(curve), None, pieces, keeping=keeping)
+        form = broken_form(problem, bent, ordinates_of(curve), None, pieces, loose=loose, keeping=keeping)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             # the first way found none without the lengths that are kept
             solve = way.bound if keeping and way is plainly else way.solve

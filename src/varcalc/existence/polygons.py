@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -35,6 +35,10 @@ TURN_NOISE = 1e-7
 """Change of that, relative to what is summed, that is none."""
 NEAR = np.array([1 / 16, *np.arange(1, 9) / 4.0])
 """Departures of the nodes, either way, in the problem's own unit."""
+SLOPE_DEPARTURES = 2.0 ** np.arange(-10, 20, 0.25)
+"""Departures of the slope, in units of the problem's, at which it is seen whether slopes have bounds."""
+SLOPES_IN_REACH, MOST_IN_REACH = 6, 60
+"""How many slopes lead on from a node, on the side on which there is most room, where they have; levels at most."""
 FAR, OUTWARD, REACH = 9, 1.5, 1000.0
 """How many there are further out, by what factor the first of them, and how many extents the last at least."""
 STEEPER = 0.1
@@ -78,6 +82,8 @@ LEVEL_MARGIN = 0.25
 """Share of their range by which the levels go beyond the turns."""
 CLOSER = 3
 """Looks, each as much closer as there are levels, by which the edge of where curves may go is found."""
+CLOSER_SLOPES = 1000
+"""Slopes at which that is done for the last one that a curve may have."""
 CLOSER_LEVELS = 8
 """Times as many levels at which the cheapest ones for a curve at rest are looked for."""
 
@@ -485,16 +491,70 @@ class PolygonLattice(Lattice):
         c = ordinates(x)
         extent = landscape.extent(c)
         unit = unit or _unit(landscape, x, c, extent)
-        last = unit * NEAR[-1]
-        # each further out than the last by a factor, and the factor grows
-        far = math.log(max(REACH * extent / last, OUTWARD**FAR)) - FAR * math.log(OUTWARD)
-        growing = np.exp(far / (FAR * (FAR - 1) / 2) * np.arange(FAR))
-        side = np.concatenate([unit * NEAR, last * np.cumprod(OUTWARD * growing)])
-        departures = np.concatenate([-side[::-1], [0.0], side])
-        beside = _edges(landscape, x, c, c + side[-1] * np.array([[-1.0], [1.0]]))
+        departures = _as_far_as_slopes_lead(landscape, x, c, unit, extent)
+        if departures is None:
+            side = _ever_further(unit, extent)
+            departures = np.concatenate([-side[::-1], side])
+        self.levels, reach = 1 + len(departures), float(np.abs(departures).max())
+        beside = _edges(landscape, x, c, c + reach * np.array([[-1.0], [1.0]]))
         beside += landscape.beside_jumps(x, c)
-        nodes, own = _in_order(c, beside, c[:, None] + departures[departures != 0.0])
-        super().__init__(landscape, x, nodes, own, float(side[-1]), extent / (b - a))
+        nodes, own = _in_order(c, beside, c[:, None] + departures)
+        super().__init__(landscape, x, nodes, own, reach, extent / (b - a))
+
+
+def _ever_further(unit: float, extent: float) -> np.ndarray:
+    """Departures to one side: even ones nearby, then each further out than the last by a factor, and that grows."""
+    last = unit * NEAR[-1]
+    far = math.log(max(REACH * extent / last, OUTWARD**FAR)) - FAR * math.log(OUTWARD)
+    growing = np.exp(far / (FAR * (FAR - 1) / 2) * np.arange(FAR))
+    return np.concatenate([unit * NEAR, last * np.cumprod(OUTWARD * growing)])
+
+
+def _as_far_as_slopes_lead(
+    landscape: Landscape, x: np.ndarray, c: np.ndarray, unit: float, extent: float
+) -> np.ndarray | None:
+    """Even departures, as far as a curve comes where slopes have bounds, or L is no number beyond some.
+
+    None where other levels are as near together as those bounds ask for: from node to node some slopes have to lead.
+    """
+    steps, span = np.diff(x), float(x[-1] - x[0])
+    middle, centre, slope = 0.5 * (x[1:] + x[:-1]), 0.5 * (c[1:] + c[:-1]), np.diff(c) / steps
+
+    def barred(turns: np.ndarray) -> np.ndarray:
+        return ~np.isfinite(values_of(landscape, middle[:, None], centre[:, None], slope[:, None] + turns))
+
+    turns = extent / span * SLOPE_DEPARTURES
+    down, up = (_room(partial(_turned, barred, way), turns) for way in (-1.0, 1.0))
+    if down is None or up is None or not (most := max(down, up)) > 0.0:
+        return None
+    level = most * float(steps.min()) / SLOPES_IN_REACH
+    if unit * NEAR[1] <= level:
+        return None
+    # with both ends given what goes up has to come down again
+    share = down * up / (down + up) if all(landscape.held) else most
+    count = min(math.ceil(share * span / level), MOST_IN_REACH)
+    return level * np.concatenate([np.arange(-count, 0), np.arange(1, count + 1)])
+
+
+def _turned(barred: Callable[[np.ndarray], np.ndarray], way: float, turns: np.ndarray) -> np.ndarray:
+    return barred(way * turns)
+
+
+def _room(barred: Callable[[np.ndarray], np.ndarray], turns: np.ndarray) -> float | None:
+    """The largest of ascending ``turns`` that is not barred at all places, nearly; None where the last is not."""
+    beyond = barred(turns)
+    if not beyond[:, -1].all():
+        return None
+    # a curve may have to be as steep as it can be
+    last = int(np.max(np.where(beyond, 0, np.arange(1, len(turns) + 1))))
+    if last == 0:
+        return 0.0
+    low, high = turns[last - 1], turns[last]
+    for _ in range(CLOSER):
+        tried = np.linspace(low, high, CLOSER_SLOPES)
+        within = int(np.flatnonzero(~barred(tried).all(axis=0))[-1])
+        low, high = tried[within], tried[min(within + 1, CLOSER_SLOPES - 1)]
+    return float(low)
 
 
 def _unit(landscape: Landscape, x: np.ndarray, c: np.ndarray, extent: float) -> float:

@@ -17,16 +17,24 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.existence.directions import end_cost
+from varcalc.existence.relaxed_polygons import least_relaxed
+from varcalc.existence.rounded import points_along, rounded_off
 from varcalc.numerics.mesh import gauss
-from varcalc.problem.breaks import breaks
+from varcalc.problem.breaks import breaks, on_curve
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
+from varcalc.symbolic.tracing import Expression
 
 SPREADS = (0.3, 1.0, 3.0)
 """Half distances of the two slopes at the start, in units of the problem's slope."""
 TRIED_SLOPES = np.concatenate([-(2.0 ** np.arange(7, -11, -0.25)), [0.0], 2.0 ** np.arange(-10, 7.25, 0.25)])
 """Slopes between which a chord is sought below L, in units of the problem's slope, about 0 and about the chord."""
+SAME_VALUE = 1e-8
+"""Difference of two values, relative to the larger or 1, that IPOPT makes."""
+ROUNDED_OFF = 1e-3
+"""How wide what switches is rounded off, in units of its size on the chord."""
 MIXED = 1e-2
 """Share of the lesser slope from which a piece counts as mixed."""
 LEVEL = 1e-3
@@ -63,31 +71,42 @@ def applies(problem: Functional) -> bool:
         isinstance(problem, Problem)
         and problem.n == 1
         and problem.order == 1
-        and not (problem.unknowns or problem.end_cost or breaks(problem))
+        and not problem.unknowns
         and not any(end.slides or end.periodic for end in (problem.start, problem.end))
         and not any(isinstance(c, Holonomic | Through) for c in problem.constraints)
     )
 
 
-def relaxed(problem: Problem, pieces: int) -> Relaxed | None:
-    """The lowest polygon of the convexified functional that IPOPT reaches from several starts; None when none."""
+def relaxed(problem: Problem, pieces: int, near: Relaxed | None = None) -> Relaxed | None:
+    """The lowest polygon of the convexified functional that IPOPT reaches from several starts; None when none.
+
+    One that is known is where it starts, if it is given.
+    """
     program = _RelaxedProgram(problem, pieces)
-    found = [program.solved(start) for start in program.starts()]
-    sign = problem.sign
-    return min((f for f in found if f is not None), key=lambda f: sign * f.value, default=None)
+    found = [] if near is None else [program.solved(program.beside(near))]
+    if not any(found):
+        found = [program.solved(start) for start in program.starts()]
+    reached = [f for f in found if f is not None]
+    if not reached:
+        return None
+    # of those that are alike the first: about the chord one pair of slopes alternates
+    values = problem.sign * np.array([f.value for f in reached])
+    alike = values <= values.min() + SAME_VALUE * max(1.0, float(np.abs(values).max()))
+    return reached[int(np.argmax(alike))]
 
 
 class _RelaxedProgram:
     """The relaxed problem as a nonlinear program in ordinates, shares and slopes, all of size one."""
 
     def __init__(self, problem: Problem, pieces: int) -> None:
-        self.problem, self.pieces = problem, pieces
+        self.problem = problem
         a, b = problem.span
-        self.x = np.linspace(a, b, pieces + 1)
+        self.x = np.union1d(np.linspace(a, b, pieces + 1), breaks(problem))
+        self.pieces = pieces = len(self.x) - 1
         ends = np.concatenate([problem.start.values(1), problem.end.values(1)])
         known = ends[~np.isnan(ends)]
         first, last = np.where(np.isnan(ends), known[0] if len(known) else 0.0, ends)
-        self.line = np.linspace(first, last, pieces + 1)
+        self.line = first + (last - first) * (self.x - a) / (b - a)
         self.free = np.ones(pieces + 1, dtype=bool)
         self.free[[0, -1]] = np.isnan(ends)
         self.height = max(float(np.abs(self.line).max()), float(np.ptp(self.line)), 1e-300)
@@ -98,16 +117,21 @@ class _RelaxedProgram:
 
     def _state(self) -> None:
         """The program in CasADi's symbols."""
-        count, width = self.pieces, float(self.x[1] - self.x[0])
+        count, widths = self.pieces, np.diff(self.x)
         inner, share = ca.MX.sym("ordinates", int(self.free.sum())), ca.MX.sym("shares", count)
         slopes = [ca.MX.sym(name, count) for name in ("steep", "shallow")]
         placed = ca.MX(ca.DM(self.line))
         places = np.flatnonzero(self.free)
         for i, k in enumerate(places):
             placed[int(k)] = inner[i] * self.height
-        self._values = ca.Function("values", self.problem.symbols.all, [self._integrands()])
-        totals = self._totals(placed, share, [v * self.steep for v in slopes], width)
-        mean = (placed[1:] - placed[:-1]) / (width * self.steep)
+        self._values = ca.Function("values", self.problem.symbols.all, [self._integrands(self.problem.integrand)])
+        steep = [v * self.steep for v in slopes]
+        totals = self._totals(self._values, placed, share, steep)
+        cost, added = end_cost(self.problem), ca.MX(0)
+        if cost is not None:
+            ends = self.x[0], placed[0], self.x[-1], placed[-1]
+            added = self.problem.sign * cost(*ends, self.problem.parameter_values, [])
+        mean = (placed[1:] - placed[:-1]) / (widths * self.steep)
         rows = [share * slopes[0] + (1 - share) * slopes[1] - mean]
         self._lower, self._upper = [np.zeros(count)], [np.zeros(count)]
         for j, constraint in enumerate(self.problem.of_type(Isoperimetric)):
@@ -115,30 +139,40 @@ class _RelaxedProgram:
             self._bounded(constraint.interval, 1)
         self._add_bounds(rows, placed, [v * self.steep for v in slopes])
         self._w = ca.vertcat(inner, share, *slopes)
-        self._objective, self._rows = totals[0], ca.vertcat(*rows)
+        own = self._objective = totals[0] + added
+        if on_curve(self.problem):  # IPOPT finds no minimum on a kink
+            own = self._totals(self._rounded_off(), placed, share, steep)[0] + added
+        self._aim, self._rows = own, ca.vertcat(*rows)
+        self._value = ca.Function("J", [self._w], [self._objective])
 
     def _bounded(self, interval: tuple[float, float], count: int) -> None:
         self._lower.append(np.full(count, interval[0]))
         self._upper.append(np.full(count, interval[1]))
 
-    def _integrands(self) -> Any:
+    def _rounded_off(self) -> ca.Function:
+        """The same with what switches in L rounded off."""
+        points = points_along(self.problem, lambda x: np.interp(x, self.x, self.line)[None])
+        smooth = rounded_off(self.problem, self.problem.integrand, ROUNDED_OFF, points)
+        return ca.Function("rounded_off", self.problem.symbols.all, [self._integrands(smooth)])
+
+    def _integrands(self, integrand: Expression) -> Any:
         levels = [t.expression for t in self.problem.traced if isinstance(t.constraint, Isoperimetric)]
         sign = self.problem.sign
-        return ca.densify(ca.vertcat(sign * self.problem.integrand, *levels))
+        return ca.densify(ca.vertcat(sign * integrand, *levels))
 
     def _columns(self, count: int) -> list[Any]:
         numbers = self.problem.parameter_values
         return [np.zeros((0, count)), np.tile(numbers[:, None], (1, count)), np.zeros((0, count))]
 
-    def _totals(self, y: Any, share: Any, slopes: list[Any], width: float) -> Any:
+    def _totals(self, values: ca.Function, y: Any, share: Any, slopes: list[Any]) -> Any:
         """The functional and the levels: the integrand for both slopes along the polygon, by their shares."""
-        mapped, columns = self._values.map(self.pieces), self._columns(self.pieces)
+        mapped, columns = values.map(self.pieces), self._columns(self.pieces)
         nodes, weights = gauss(PIECE_POINTS)
-        total: Any = 0
-        for node, weight in zip(0.5 * (1 + nodes), 0.5 * weights * width, strict=True):
-            x, at = (self.x[:-1] + node * width)[None], (y[:-1] * (1 - node) + y[1:] * node).T
+        widths, total = np.diff(self.x), ca.MX(0)
+        for node, weight in zip(0.5 * (1 + nodes), 0.5 * weights, strict=True):
+            x, at = (self.x[:-1] + node * widths)[None], (y[:-1] * (1 - node) + y[1:] * node).T
             for part, slope in ((share, slopes[0]), (1 - share, slopes[1])):
-                total = total + weight * ca.mtimes(mapped(x, at, slope.T, *columns), part)
+                total = total + weight * ca.mtimes(mapped(x, at, slope.T, *columns), part * widths)
         return total
 
     def _add_bounds(self, rows: list[Any], y: Any, slopes: list[Any]) -> None:
@@ -152,23 +186,38 @@ class _RelaxedProgram:
                     self._bounded(t.constraint.interval, self.pieces)
 
     def starts(self) -> Iterator[np.ndarray]:
-        """Starts on the chord: between the slopes of L's convex envelope in its middle, and on either side of it."""
-        chord = np.diff(self.line) / (float(self.x[1] - self.x[0]) * self.steep)
-        if (touched := self._touched(float(chord.mean()))) is not None:
-            low, high = touched
-            share = np.clip((high - chord) / (high - low), 0.0, 1.0)
-            yield self._start(share, np.full(self.pieces, low), np.full(self.pieces, high))
+        """Starts on the chord and on least polygons: between the slopes of L's convex envelope, or on either side."""
+        middle = 0.5 * (self.x[1:] + self.x[:-1])
+        yield self._between_touched(self.line, np.full(self.pieces, self.x[self.pieces // 2]))
+        chord = np.diff(self.line) / (np.diff(self.x) * self.steep)
         for spread in SPREADS:
-            yield self._start(np.full(self.pieces, 0.5), chord - spread, chord + spread)
+            yield self._start(self.line, np.full(self.pieces, 0.5), chord - spread, chord + spread)
+        for x, y in least_relaxed(self.problem, self.steep):
+            yield self._between_touched(np.interp(self.x, x, y), middle)
 
-    def _start(self, share: np.ndarray, steep: np.ndarray, shallow: np.ndarray) -> np.ndarray:
-        return np.concatenate([self.line[self.free] / self.height, share, steep, shallow])
+    def beside(self, known: Relaxed) -> np.ndarray:
+        """The start on another polygon."""
+        piece = np.searchsorted(known.x, 0.5 * (self.x[1:] + self.x[:-1])) - 1
+        y = np.interp(self.x, known.x, known.y)
+        return self._start(y, known.shares[0, piece], *(known.slopes[:, piece] / self.steep))
 
-    def _touched(self, slope: float) -> tuple[float, float] | None:
-        """The slopes, in units of their own, at which the chord below L about one touches it; None: L itself does."""
-        middle = self.pieces // 2
+    def _between_touched(self, y: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """The start whose slopes are those that the convex envelope touches L at, at one place for each piece."""
+        slopes = np.diff(y) / (np.diff(self.x) * self.steep)
+        low, high = np.array(
+            [self._touched(x, float(np.interp(x, self.x, y)), float(v)) for x, v in zip(places, slopes, strict=True)]
+        ).T
+        apart = high > low
+        share = np.clip(np.divide(high - slopes, high - low, out=np.full(self.pieces, 0.5), where=apart), 0.0, 1.0)
+        return self._start(y, share, low, high)
+
+    def _start(self, y: np.ndarray, share: np.ndarray, steep: np.ndarray, shallow: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[self.free] / self.height, share, steep, shallow])
+
+    def _touched(self, at: float, ordinate: float, slope: float) -> tuple[float, float]:
+        """The slopes, in units of their own, at which the chord below L about one touches it; twice it where L does."""
         tried = np.unique(np.concatenate([TRIED_SLOPES, slope + TRIED_SLOPES]))
-        x, y = np.full(len(tried), self.x[middle]), np.full((1, len(tried)), self.line[middle])
+        x, y = np.full(len(tried), at), np.full((1, len(tried)), ordinate)
         values = np.asarray(self._values(x[None], y, self.steep * tried[None], *self._columns(len(tried))))[0]
         tried, values = tried[np.isfinite(values)], values[np.isfinite(values)]
         hull: list[int] = []
@@ -178,13 +227,13 @@ class _RelaxedProgram:
             hull.append(k)
         right = int(np.searchsorted(tried[hull], slope, side="right"))
         if right in (0, len(hull)) or hull[right] - hull[right - 1] == 1:
-            return None
+            return slope, slope
         return float(tried[hull[right - 1]]), float(tried[hull[right]])
 
     def solved(self, guess: np.ndarray) -> Relaxed | None:
         """A minimum from a start."""
         count, start = self.pieces, self.line[self.free]
-        size = abs(float(ca.Function("J", [self._w], [self._objective])(ca.DM(guess))))
+        size = abs(float(self._value(ca.DM(guess))))
         if not np.isfinite(size):
             return None
         options = {
@@ -192,7 +241,7 @@ class _RelaxedProgram:
             "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": IPOPT_ITERATIONS,
                       "bound_relax_factor": 0.0, "mu_strategy": "adaptive"},
         }  # fmt: skip
-        nlp = {"x": self._w, "f": self._objective / (size or 1.0), "g": self._rows}
+        nlp = {"x": self._w, "f": self._aim / (size or 1.0), "g": self._rows}
         solver = ca.nlpsol("relaxed", "ipopt", nlp, options)
         room = np.full(len(guess), np.inf)
         low, high = -room, room.copy()
@@ -201,15 +250,16 @@ class _RelaxedProgram:
         result = solver(x0=guess, lbx=low, ubx=high, **levels)
         if solver.stats()["return_status"] not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
             return None
-        return self._read(np.asarray(result["x"]).ravel(), float(result["f"]) * (size or 1.0))
+        return self._read(np.asarray(result["x"]).ravel())
 
-    def _read(self, w: np.ndarray, value: float) -> Relaxed:
+    def _read(self, w: np.ndarray) -> Relaxed:
         inner = int(self.free.sum())
         y = self.line.copy()
         y[self.free] = w[:inner] * self.height
         share, one, other = w[inner:].reshape(3, self.pieces)
         sign = self.problem.sign
-        return Relaxed(sign * value, self.x, y, np.array([one, other]) * self.steep, np.array([share, 1 - share]))
+        value = sign * float(self._value(w))
+        return Relaxed(value, self.x, y, np.array([one, other]) * self.steep, np.array([share, 1 - share]))
 
 
 def _turns_up(x: np.ndarray, y: np.ndarray, first: int, middle: int, last: int) -> bool:

@@ -26,6 +26,7 @@ from varcalc.formulation.form import SideCondition
 from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
+from varcalc.methods.ritz.steepest import ordinate_at
 from varcalc.numerics.resampled import resampled
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.conditions import Bound
@@ -55,6 +56,8 @@ INWARDS = 1e-9
 """Distance from the ends of a rest, in units of its length, of the first and the last place of it."""
 ASIDE = 1e-7
 """Slope, in units of 1 and the curve's, at which the momenta on the sides of a kink are taken."""
+SAME_SLOPE = 1e-9
+"""By how much slopes that are the same differ by round-off."""
 Way = tuple[float, float]
 """Between which abscissae a curve moves."""
 
@@ -115,8 +118,8 @@ def _ways(problem: Problem, contacts: Sequence[Contact]) -> list[Way]:
 def _apart(surfaces: _Surfaces, contacts: Sequence[Contact]) -> list[Contact] | None:
     """The contacts, those that overlap as one; None where they cannot be.
 
-    What is at rest where it meets a surface of the place is at rest on that. What is as steep as it may be comes to
-    rest by and by.
+    What is at rest where it meets a surface of the place is at rest on that, if it has the slope of it. What is held at
+    another slope, or as steep as it may be, comes to rest by and by.
     """
     (a, b), merged = surfaces.problem.span, list[Contact]()
     near = NEAR_ENDS * (b - a)
@@ -133,13 +136,15 @@ def _apart(surfaces: _Surfaces, contacts: Sequence[Contact]) -> list[Contact] | 
         whole = last.start, max(last.end, end)
         if last.index == here.index and last.level == here.level and last.start < last.end and start < end:
             merged[-1] = replace(last, end=whole[1])
-        elif steep[0] != steep[1]:
+        elif steep[0] != steep[1] and surfaces.alike(*((last, here) if steep[0] else (here, last))):
             merged[-1] = replace(here if steep[0] else last, start=whole[0], end=whole[1])
-        elif all(steep) and last.end - near > last.start and start + near < end:
+        elif any(steep) and last.end - near > last.start and start + near < end and last.end < end:
             merged[-1] = replace(last, end=start - near)
             merged.append(replace(here, start=last.end + near))
-        else:
+        elif steep[0] == steep[1]:
             return None
+        elif last.end < end:
+            merged[-1] = here
     return merged if all(c.end < d.start for c, d in pairwise(merged)) else None
 
 
@@ -179,6 +184,7 @@ class _Surfaces:
         self.problem = problem
         s, bounds = problem.symbols, formulate(problem).conditions.pathwise
         self.switches = [switch for switch in on_curve(problem) if not switch.smooth]
+        self._loose = [switch.argument for switch in on_curve(problem) if switch.smooth]
         first = len(problem.constraints)
         kinks = [
             SideCondition(switch.argument - switch.levels[0], -math.inf, math.inf, first + k)
@@ -192,6 +198,16 @@ class _Surfaces:
     def steep(self, contact: Contact) -> bool:
         """Whether what is met feels the slope."""
         return self._steep[contact.index]
+
+    def alike(self, steep: Contact, place: Contact) -> bool:
+        """Whether what is on a surface of the place has the slope at which another contact holds it."""
+        problem, surface = self.problem, self.condition(place).expression
+        s, x = problem.symbols, 0.5 * (max(steep.start, place.start) + min(steep.end, place.end))
+        y = ordinate_at(formulate(problem), surface, replace(place, start=x))
+        slope = -ca.gradient(surface, s.x) / ca.gradient(surface, s.y)
+        asked = self.condition(steep).expression - steep.level
+        along = ca.Function("along", s.all, [ca.densify(ca.substitute(asked, s.dy, slope))])
+        return abs(float(along(x, y, 0.0, [], problem.parameter_values, []))) <= SAME_SLOPE
 
     def ends_at(self, contact: Contact) -> bool:
         """Whether a contact is that of a free end with a bound of the place."""
@@ -224,7 +240,8 @@ class _Surfaces:
     def held(self, curve: CurveOrSlope, x: float) -> Expression:
         """L on the sides of the kinks on which a curve is at x; what switches at abscissae does so."""
         s = self.problem.symbols
-        return held([self.problem.integrand], s.all, self.point(curve, x), ca.vertcat(s.y, s.dy))[0]
+        moving = ca.vertcat(s.y, s.dy)
+        return held([self.problem.integrand], s.all, self.point(curve, x), moving, self._loose)[0]
 
     def clearest(self, curve: CurveOrSlope, way: Way) -> float:
         """The place of a way at which it is clearest on which side of each kink the curve is."""

@@ -90,12 +90,18 @@ def points_along(problem: Problem, line: Sampled) -> Points:
     return [[x], list(y), list(slopes), list(bends), *numbers]
 
 
+def rounded_off(problem: Problem, expression: Expression, width: float, points: Points) -> Expression:
+    """An expression with what switches in it smooth over a ``width``, in units of what that is at points."""
+    s = problem.symbols
+    sizes = units([expression], s.all, points)[1]
+    return smoothed([expression], s.all, [width * size for size in sizes])[0]
+
+
 def _smooth(problem: Problem, plain: Form, width: float, points: Points) -> Form:
     s = problem.symbols
 
     def rewrite(expression: Expression, _: bool) -> Expression:
-        sizes = units([expression], s.all, points)[1]
-        return smoothed([expression], s.all, [width * size for size in sizes])[0]
+        return rounded_off(problem, expression, width, points)
 
     integrand = problem.sign * rewrite(problem.integrand, True)
     coordinates = replace(plain.coordinates, stated=Stated(s, integrand, integrand), numbers=None)

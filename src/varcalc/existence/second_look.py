@@ -9,7 +9,7 @@ import numpy as np
 
 from varcalc.existence.approach import approached, gap
 from varcalc.existence.broken_curve import broken_curve
-from varcalc.existence.corners import with_corners
+from varcalc.existence.corners import bent, with_corners
 from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
 from varcalc.formulation.singular.abscissa import powers_at_ends
@@ -25,6 +25,8 @@ from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import Switch
 
+OPEN = None, Verdict.WEAK_MINIMUM, Verdict.SADDLE
+"""Verdicts of failures that leave room for a minimum, or for a better reason."""
 CHORD_PLACES = 1001
 """Abscissae at which Legendre's condition is looked at; odd, so that the middle is one of them."""
 VANISHING_SHARE = 1e-5
@@ -38,10 +40,9 @@ def second_look(problem: Functional, tol: float, failure: Solution, *, smooth: b
     """
     table = kinked_table(problem)
     failure = replace(failure, message="; ".join(filter(None, [failure.message, *_kinks(problem, table)])))
-    if failure.verdict in (None, Verdict.WEAK_MINIMUM, Verdict.SADDLE):
-        if (fall := falling(problem)) is not None:  # asked first: it takes a hundredth of the time of what follows
-            return refused(failure, fall.finding)
-        failure = with_corners(problem, tol, failure)
+    if failure.verdict in OPEN and (fall := falling(problem)) is not None:
+        return refused(failure, fall.finding)
+    failure = about_corners(problem, tol, failure)
     if failure.status.ok or failure.verdict is not None or table is not None or not smooth:
         return failure
     approach = approached(problem)
@@ -57,6 +58,15 @@ def second_look(problem: Functional, tol: float, failure: Solution, *, smooth: b
     if approach is not None and approach.concentrates and not _steep_at_an_end(problem):
         failure = refused(failure, approach.finding)
     return failure
+
+
+def about_corners(problem: Functional, tol: float, failure: Solution) -> Solution:
+    """A minimum with corners where L is not convex in the slope, or the failure, with what there is instead of one."""
+    if failure.verdict not in OPEN or not bent(problem, failure):
+        return failure
+    if (fall := falling(problem)) is not None:  # asked first: it takes a hundredth of the time of what follows
+        return refused(failure, fall.finding)
+    return with_corners(problem, tol, failure)
 
 
 def _kinks(problem: Functional, table: Switch | None) -> list[str]:

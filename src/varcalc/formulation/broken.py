@@ -89,6 +89,7 @@ def broken_form(
     contacts: Sequence[Contact] | None = None,
     switched: Sequence[Refraction | Ride] = (),
     *,
+    loose: Sequence[Expression] = (),
     keeping: bool = False,
 ) -> Form:
     """The problem with corners near the given abscissae, where only they and ``curve`` are guesses.
@@ -98,8 +99,9 @@ def broken_form(
     With ``contacts``, whose ends are corners or ends of the interval, the
     bounds are kept as equations along them and not at all elsewhere, where it
     is for the caller to look whether they hold. ``switched`` are more corners, and stretches that end in corners or
-    at the ends: between them everything that switches is left as it is in the middle of ``curve``'s piece. ``keeping``
-    asks for an interior-point method that keeps some of every piece: Newton's may turn short ones inside out.
+    at the ends: between them everything that switches is left as it is in the middle of ``curve``'s piece, but what
+    has a ``loose`` argument, and may switch anywhere. ``keeping`` asks for an interior-point method that keeps some of
+    every piece: Newton's may turn short ones inside out.
     """
     plain = graph_form(problem)
     refractions = [c for c in switched if isinstance(c, Refraction)]
@@ -115,7 +117,7 @@ def broken_form(
         slopes += [(symbols.ddy - slopes[0] * ca.gradient(speed, symbols.x)) / speed**2]
     rewrite = unheld = rewriter(problem, symbols, x, symbols.y, slopes, speed)
     if switched:
-        rewrite = _held_between(problem, symbols, marks, curve, rewrite)
+        rewrite = _held_between(problem, symbols, marks, curve, rewrite, loose)
     integrand = plain.sign * rewrite(problem.integrand, True)
     conditions = replace(conditions_of(problem, rewrite), knots=tuple(s for s, _ in marks[1:-1]))
     pathwise = conditions.pathwise
@@ -183,14 +185,15 @@ def _held_between(
     marks: list[tuple[float, Expression]],
     curve: Sampled,
     rewrite: Callable[[Expression, bool], Expression],
+    loose: Sequence[Expression],
 ) -> Callable[[Expression, bool], Expression]:
-    """``rewrite``, with everything that switches left on each piece as it is in the middle of the curve's piece."""
+    """``rewrite``, with what switches left as it is in the middle of the curve's piece, but what is ``loose``."""
     s, points = problem.symbols, [point for _, point in _points(problem, marks, curve)]
 
     def rewritten(expression: Expression, integrated: bool) -> Expression:
         branches: dict[tuple[Instruction, ...], tuple[Expression, Expression]] = {}
         for here, point in zip(_within(symbols.x, marks), points, strict=True):
-            branch = held([expression], s.all, point)[0]
+            branch = held([expression], s.all, point, loose=loose)[0]
             written = tuple(instructions(ca.Function("branch", s.all, [branch])))
             elsewhere, branch = branches.get(written, (symbols.kind(0), branch))
             branches[written] = elsewhere + here, branch

@@ -119,11 +119,14 @@ def solve(
 
 def _found(problem: Functional, method: Method | None, tol: float, guess: Guess, told: Told) -> Solution:
     """The answer of a method or of the ladder, examined; a status that says why where there is none."""
-    solution = _linear(problem, method or LADDER[0]) or _broken(problem, method or LADDER[0], tol, guess)
+    solution = _linear(problem, method or LADDER[0])
     if solution is None and kinks_at_ends(problem):
         from varcalc.existence.held_ends import held_at_an_end  # few problems have kinks there
 
         solution = held_at_an_end(problem, lambda pinned: _found(pinned, method, tol, None, told))
+    if solution is None and guess is None and breakable(problem):
+        solution = _with_corners(problem, method or LADDER[0], tol)
+    solution = solution or _broken(problem, method or LADDER[0], tol, guess)
     smooth = solution is None
     if solution is None:
         solution = _climbed(problem, tol, guess, told) if method is None else _attempt(problem, method, tol, guess)
@@ -131,6 +134,19 @@ def _found(problem: Functional, method: Method | None, tol: float, guess: Guess,
         return _examined(problem, method, tol, guess, solution, smooth, told)
     except KeyboardInterrupt as stop:
         raise Interrupted(solution) from stop
+
+
+def _with_corners(problem: Functional, method: Method, tol: float) -> Solution | None:
+    """The minimum with corners where L switches and is not convex in the slope, or that none is attained; or None.
+
+    Between what switches no smooth curve is least there, and those that are tried for it take long.
+    """
+    if not isinstance(method, Ritz):
+        return None
+    from varcalc.existence.second_look import about_corners  # few solves need all that it imports
+
+    solution = about_corners(problem, tol, no_answer(problem, method, Status.NOT_CONVERGED, ""))
+    return solution if solution.status.ok or solution.verdict is not None else None
 
 
 def _examined(
@@ -150,7 +166,7 @@ def _examined(
         told("other valleys")
         # whoever gives a guess asks for the valley it lies in
         followed = (method is None or isinstance(method, Ritz)) and guess is None
-        solution = looked_around(solution, partial(_polished, problem, tol), followed=followed)
+        solution = looked_around(solution, partial(_polished, problem, tol), tol, followed=followed)
     return solution
 
 
@@ -191,7 +207,7 @@ def reconsidered(solution: Solution, method: Method | None, tol: float) -> Solut
         return solution
     if has_lattice(problem):
         followed = method is None or isinstance(method, Ritz)
-        fresh = looked_around(solution, partial(_polished, problem, tol), followed=followed)
+        fresh = looked_around(solution, partial(_polished, problem, tol), tol, followed=followed)
     else:
         fresh = solve(problem, method, tol=tol, throw=False)
     if not fresh.status.ok:
@@ -242,6 +258,11 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
     for method, guide in zip(LADDER, (_quadrature, None), strict=True):
         told(type(method).__name__)
         solution = _made_out(_attempt(problem, method, tol, guess))
+        if failure is None and not solution.status.ok:
+            from varcalc.existence.second_look import about_corners  # few solves need all that it imports
+
+            # where L is not convex in the slope more curves lead to no more
+            solution = _made_out(about_corners(problem, tol, solution))
         # whoever gives a guess asks for the valley it lies in
         unguided = failure is None and guess is None and not solution.status.ok and solution.verdict is None
         if unguided and not _without_x(problem):

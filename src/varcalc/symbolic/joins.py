@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.symbolic.instructions import interpret, operate
-from varcalc.symbolic.switches import CONTINUOUS, Switch, arguments, likeness, switches, switching
+from varcalc.symbolic.switches import CONTINUOUS, SWITCH_ROUND_OFF, Switch, arguments, likeness, switches, switching
 from varcalc.symbolic.tracing import Expression
 
 STARTS = np.modf(np.outer(np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0]), np.arange(1.0, 40.0)))[0] * 2 - 0.7
@@ -114,9 +114,9 @@ def _joined(stated: _Stated, switch: Switch) -> Switch:
     above, below = ([_branch(stated, [(switch, side), *held]) for held in sides] for side in (0, 1))
     if any(branch is None for branch in (*above, *below)):
         return switch
-    difference = ca.vertcat(*above) - ca.vertcat(*below)
-    both = ca.horzcat(difference, ca.jacobian(difference, variables))
-    smooth = _none(both, variables, switch)
+    columns = [ca.vertcat(*branches) for branches in (above, below)]
+    here, there = (ca.horzcat(column, ca.jacobian(column, variables)) for column in columns)
+    smooth = _same(here, there, variables, switch)
     return replace(switch, jumps=not smooth, smooth=smooth)
 
 
@@ -150,17 +150,21 @@ def _branch(stated: _Stated, sides: Sequence[tuple[Switch, int]]) -> Expression 
     return branch if two_sided else None
 
 
-def _none(rows: Expression, variables: Expression, switch: Switch) -> bool:
-    """Whether each row of an expression is zero wherever it was tried on a switch, in units of what it is elsewhere."""
-    tried = 0
+def _same(here: Expression, there: Expression, variables: Expression, switch: Switch) -> bool:
+    """Whether the entries of two expressions agree wherever they were tried on a switch.
+
+    Their difference is held against what it is elsewhere, and against their own round-off.
+    """
+    tried, columns = 0, (here - there, here, there)
     for wide in WIDE:
         on, off = (
-            [size for size in map(np.abs, _at([rows], variables, points)) if np.isfinite(size).all()]
+            np.array([v for v in _at(columns, variables, points) if np.isfinite(v).all()]).reshape(-1, 3, here.numel())
             for points in (_points_on(switch, variables, wide * STARTS), wide * STARTS)
         )
-        if on and np.any(np.array(on) > UNFELT * np.max(off, axis=0, initial=0.0)):
-            return False
         tried += len(on)
+        elsewhere = np.abs(off[:, 0]).max(axis=0, initial=0.0)
+        if np.any(np.abs(on[:, 0]) > np.maximum(UNFELT * elsewhere, SWITCH_ROUND_OFF * np.abs(on[:, 1:]).sum(1))):
+            return False
     return tried >= ENOUGH_POINTS
 
 

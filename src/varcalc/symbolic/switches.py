@@ -23,6 +23,8 @@ SWITCHING = ONE_SIDED | PAIRED | STEPPED | {ca.OP_COPYSIGN}
 """Operations that are not smooth in what they are done to."""
 CONTINUOUS = {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
 """Those whose result does not jump."""
+CONDITIONS = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR}
+"""Those whose result is a condition."""
 SUMS = {ca.OP_ADD, ca.OP_SUB}
 SWITCH_ROUND_OFF = 1e-12
 """Relative difference that is round-off."""
@@ -160,23 +162,27 @@ def likeness(some: Sequence[Expression], others: Sequence[Expression], symbols: 
 
 def held(
     expressions: Sequence[Expression], symbols: Sequence[Expression], point: Sequence[np.ndarray],
-    moving: Expression | None = None,
+    moving: Expression | None = None, loose: Sequence[Expression] = (),
 ) -> list[Expression]:  # fmt: skip
     """SX ``expressions`` of ``symbols`` with every switch left on the side on which it is at a ``point``.
 
     What is returned is smooth, and is what was given as far as the next switch. Where there are ``moving`` symbols,
-    switches that others decide are left as they are.
+    switches that others decide are left as they are, and so are those that have a ``loose`` argument.
     """
     function = ca.Function("held", list(symbols), [ca.densify(ca.vertcat(*expressions))])
+    variables = ca.vertcat(*(ca.vec(s) for s in symbols))
 
     def applied(operation: int, operands: Sequence[_Held]) -> _Held:
         value = float(in_numbers(operation)(*(o.value for o in operands)))
         decisive = operands[:1] if operation == ca.OP_IF_ELSE_ZERO else operands
         kept = moving is not None and not any(ca.depends_on(o.written, moving) for o in decisive)
-        written = None if kept else _side(operation, operands, value)
+        left = any(o.left for o in decisive)
+        if loose and (decided_by := arguments(operation, [o.written for o in operands])):
+            left = left or bool(likeness(decided_by, loose, variables).any())
+        written = None if kept or left else _side(operation, operands, value)
         if written is None:
             written = operate(operation, [o.written for o in operands])
-        return _Held(written, value)
+        return _Held(written, value, left and operation in CONDITIONS)
 
     given = [
         [_Held(e, float(v)) for e, v in zip(s.nonzeros(), np.ravel(at), strict=True)] if s.numel() else []
@@ -189,10 +195,11 @@ def held(
 
 @dataclass(frozen=True)
 class _Held:
-    """An expression, and its value at the point."""
+    """An expression, its value at the point, and whether it is a condition that is left to decide."""
 
     written: Expression
     value: float
+    left: bool = False
 
 
 def _side(operation: int, operands: Sequence[_Held], value: float) -> Expression | None:

@@ -27,10 +27,14 @@ TELLING_TURNS = np.array([-20.0, 0.3, 4.0])
 """The same, by which it is seen that the square of a Lagrangian is quadratic in the slope."""
 ROUND_OFF_EXCESS = 1e-9
 """Relative excess below zero that is round-off or the curve's own error."""
-TRIED_PLACES = 9
-"""Points of a graph at which slopes are tried."""
+TRIED_PLACES, CLOSELY = 9, 129
+"""Points of a graph at which slopes are tried, and where L is not convex in them: it may fail on a short way."""
 SLOPE_HELD = 1e-6
 """Relative distance from a bound within which it is touched."""
+EXCESS_AT_CORNERS = 1e-6
+"""The same where L is not convex: at a corner there is a slope of no excess, but for the error of the curve's own."""
+STEPS_TO_LEAST_EXCESS = 4
+"""Newton's steps to the slopes whose excess is least, where L is not convex in them."""
 CORNER_JUMP = 1e-3
 """Relative jump of the slope that is a corner, not the error of the curve."""
 BESIDE_VERTEX = 1e-9
@@ -57,6 +61,12 @@ def objection(solution: Solution, form: Form) -> Finding | None:
         return None
     x = places(solution)
     fan = SlopeFan.of(solution, x)
+    if not_convex := fan.concave():
+        x = places(solution, CLOSELY)
+        fan = SlopeFan(solution, x)
+        for _ in range(STEPS_TO_LEAST_EXCESS):
+            fan = fan.closer()
+    floor = EXCESS_AT_CORNERS if not_convex else ROUND_OFF_EXCESS
     bent = fan.legendre_fails()
     if bent is not None:
         place, curvature = bent
@@ -66,20 +76,38 @@ def objection(solution: Solution, form: Form) -> Finding | None:
             f"is {curvature:.3g}, so Legendre's condition fails and fine ripples come lower",
         )
     relative, worst = fan.least()
-    if relative < -ROUND_OFF_EXCESS:
+    if relative < -floor:
         return Finding(
             Verdict.WEAK_MINIMUM,
             f"a weak minimum only: at {problem.abscissa.at([x[worst.place]], 4)} Weierstrass's excess is "
             f"{worst.excess:.3g} for the slope {worst.slope:.4g} instead of {worst.own:.4g}, so curves with corners "
             "come lower",
         )
-    if fan.concave() and len(corners := _corners(solution)) > form.coordinates.corners:
+    if not_convex and len(corners := _corners(solution)) > form.coordinates.corners:
         return Finding(
             Verdict.WEAK_MINIMUM,
             f"a weak minimum only: the Lagrangian is not convex in the slope, and the curve found has a corner at "
             f"{problem.abscissa.at(corners[:1], 6)} where the mesh allows one; more corners may come lower still",
         )
     return None
+
+
+def concave_beside(solution: Solution) -> bool:
+    """Whether L of a graph of first order is concave in a slope somewhere about those of its points."""
+    problem = solution.problem
+    if not (isinstance(problem, Problem) and problem.order == 1) or solution.curve is None:
+        return False
+    if solution.extremal is not None and solution.extremal.form.coordinates.energetic:
+        return False
+    if _functions(problem).quadratic:  # Legendre's condition has been asked
+        return False
+    if (along := _evaluated(solution)) is not None:  # a few slopes tell of what most are, roots of quadratics
+        points = (along.x, np.atleast_2d(along.y), np.atleast_2d(along.dy))
+        with np.errstate(all="ignore"):
+            telling = _tried(problem, points, 0, TELLING_TURNS, np.arange(len(along.x)))
+            if _roots_of_quadratics(along.value, along.momenta[0], along.curvature[:, 0, 0], *telling).all():
+                return False
+    return SlopeFan.of(solution, places(solution)).concave()
 
 
 def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray, parameters: np.ndarray) -> np.ndarray:
@@ -106,28 +134,29 @@ def _unbeaten(
     ``points`` are x (m,), y and y' (n, m) and the parameters (m, p), which may be left out for the problem's own. L is
     ``own`` (m,) there, ``slope`` and ``curvature`` (n, m) its derivatives by each component, as they are minimised.
     """
-    sign, v = problem.sign, points[2]
+    v = points[2]
     good = np.isfinite(own + slope.sum(0) + curvature.sum(0)) & np.all(curvature > 0, axis=0)
-
-    def tried(a: int, turns: np.ndarray, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """L at the points ``some`` for other slopes of the function a, and the steps to them."""
-        step = np.maximum(1.0, np.abs(v[a, some]))[:, None] * turns
-        x, y, changed = (np.repeat(p[..., some], len(turns), axis=-1) for p in points[:3])
-        changed[a] += step.ravel()
-        numbers = (np.repeat(p[some], len(turns), axis=0) for p in points[3:])
-        return sign * problem.integrand_values(x, y, changed, *numbers).reshape(step.shape), step
-
     for a in range(len(v)):
         rest = np.flatnonzero(good)
-        rest = rest[
-            ~_roots_of_quadratics(own[rest], slope[a, rest], curvature[a, rest], *tried(a, TELLING_TURNS, rest))
-        ]
+        telling = _tried(problem, points, a, TELLING_TURNS, rest)
+        rest = rest[~_roots_of_quadratics(own[rest], slope[a, rest], curvature[a, rest], *telling)]
         if len(rest):
             turns = slope_turns(v)
-            other, step = tried(a, turns[turns != 0], rest)
+            other, step = _tried(problem, points, a, turns[turns != 0], rest)
             relative = excesses(own[rest, None], slope[a, rest, None] * step, other)[1]
             good[rest] = relative.min(1) >= -ROUND_OFF_EXCESS
     return good
+
+
+def _tried(
+    problem: Problem, points: tuple[np.ndarray, ...], a: int, turns: np.ndarray, some: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """L as it is minimised at ``some`` of the points for other slopes of the function ``a``, and the steps to them."""
+    step = np.maximum(1.0, np.abs(points[2][a, some]))[:, None] * turns
+    x, y, changed = (np.repeat(p[..., some], len(turns), axis=-1) for p in points[:3])
+    changed[a] += step.ravel()
+    numbers = (np.repeat(p[some], len(turns), axis=0) for p in points[3:])
+    return problem.sign * problem.integrand_values(x, y, changed, *numbers).reshape(step.shape), step
 
 
 def _roots_of_quadratics(
@@ -147,21 +176,28 @@ def _roots_of_quadratics(
 
 def _seen(solution: Solution) -> bool:
     """Whether what was evaluated along a smooth graph without constraints leaves no doubt that it is a minimum."""
-    problem, extremal = solution.problem, solution.extremal
-    if extremal is None or extremal.form.problem is not problem or extremal.along is None:
+    problem = solution.problem
+    if not isinstance(problem, Problem) or problem.constraints or (along := _evaluated(solution)) is None:
         return False
-    if not isinstance(problem, Problem) or problem.n != 1 or problem.constraints:
+    if problem.end_cost is not None:  # what is asked of the momentum there may bend the curve beside an end alone
         return False
-    along: AlongGraph = extremal.along
     points = (along.x, np.atleast_2d(along.y), np.atleast_2d(along.dy))
     with np.errstate(all="ignore"):
         return bool(_unbeaten(problem, points, along.value, along.momenta, along.curvature[:, 0].T).all())
 
 
-def places(solution: Solution) -> np.ndarray:
-    """Abscissae at which slopes are tried."""
+def _evaluated(solution: Solution) -> AlongGraph | None:
+    """What was evaluated along the smooth graph of one function."""
+    problem, extremal = solution.problem, solution.extremal
+    if extremal is None or extremal.form.problem is not problem or problem.n != 1:
+        return None
+    return extremal.along
+
+
+def places(solution: Solution, count: int = TRIED_PLACES) -> np.ndarray:
+    """Abscissae at which slopes are tried: Chebyshev's points, as a free end may bend the curve beside it alone."""
     low, high = (float(v) for v in (solution.x.min(), solution.x.max()))
-    return low + (high - low) * (np.arange(TRIED_PLACES) + 0.5) / TRIED_PLACES
+    return low + (high - low) * 0.5 * (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
 
 @dataclass(frozen=True)
@@ -178,7 +214,8 @@ class Worst:
 class SlopeFan:
     """Slopes tried at points of an extremal, one component at a time; arrays have shape (n, places, slopes).
 
-    ``turns`` are the steps from the curve's own slope, the middle one of them 0; by default :func:`slope_turns`.
+    ``turns`` are the steps from the curve's own slope, the middle one of them 0, the same everywhere or of the shape of
+    the rest; by default :func:`slope_turns`.
     """
 
     def __init__(self, solution: Solution, x: np.ndarray, turns: np.ndarray | None = None) -> None:
@@ -230,12 +267,23 @@ class SlopeFan:
             allowed &= (row >= low) & (row <= high) & (own > low + room) & (own < high - room)
         return total[0], total[1], total[2], allowed
 
+    def closer(self) -> SlopeFan:
+        """The fan with slopes nearer to those of the least excess: Newton's step where L is convex in them."""
+        here, unit = self.tried.shape[2] // 2, np.maximum(1.0, np.abs(self.v))[:, :, None]
+        with np.errstate(all="ignore"):
+            steps = np.clip((self.slopes[:, :, [here]] - self.slopes) / self.curvature, -0.5 * unit, 0.5 * unit)
+        steps = np.where(np.isfinite(steps) & (self.curvature > 0), steps, 0.0)
+        return SlopeFan(self.solution, self.x, (self.tried + steps - self.v[:, :, None]) / unit)
+
     def least(self) -> tuple[float, Worst]:
         """The least excess relative to its terms, and where it is found."""
         here = self.tried.shape[2] // 2
         linear = (self.tried - self.v[:, :, None]) * self.slopes[:, :, [here]]
         excess, relative = excesses(self.values[:, :, [here]], linear, self.values)
-        relative = np.where(self.allowed, relative, 0.0)
+        # where a line touches L twice, as at a corner, all terms may be nothing, but not the hill in between
+        hill = np.nanmedian(np.where(np.isfinite(excess), np.abs(excess), np.nan), axis=2, keepdims=True)
+        with np.errstate(all="ignore"):
+            relative = np.where(self.allowed & (relative < 0), excess / (excess / relative + hill), 0.0)
         a, k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
         worst = Worst(k, a, float(self.tried[a, k, j]), float(self.v[a, k]), float(excess[a, k, j]))
         return float(relative[a, k, j]), worst

@@ -1,0 +1,119 @@
+"""The least polygon of the convexified functional, among all over a grid of levels: where to begin with corners.
+
+On each piece L is replaced by its convex envelope in the slope, as its values on many slopes show it: the greatest of
+all straight lines below them (Fenchel's biconjugate; Rockafellar, "Convex Analysis", 1970, sect. 12). Then no slope has
+to lead from level to level, and Bellman's programme finds the least polygon at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from varcalc.existence.directions import end_cost
+from varcalc.problem.breaks import bounds
+from varcalc.problem.conditions import Bound
+from varcalc.problem.problem import Problem
+from varcalc.symbolic.derived import answered
+
+PIECES, LEVELS = 16, 31
+"""Pieces of the polygons, and levels on every abscissa."""
+RANGES = 1.0, 4.0
+"""How far levels reach beyond the ends, in units of the larger of the rise and of what the problem's slope makes of the
+interval, and in units of the interval.
+"""
+SAME_RANGE = 1.5
+"""Factor within which two ranges are one."""
+SLOPES = np.sinh(np.linspace(-6.0, 6.0, 81)) / np.sinh(1.5)
+"""Slopes at which L is asked, in units of the problem's: dense about 0."""
+
+
+@answered
+def least_relaxed(problem: Problem, steep: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Vertices of least polygons of the convexified functional, one for each range of levels; ``steep`` is a slope.
+
+    One function of first order is looked at, whose abscissae are given.
+    """
+    a, b = problem.span
+    x = np.linspace(a, b, PIECES + 1)
+    ends = [float(end.values(1)[0]) for end in (problem.start, problem.end)]
+    known = [y for y in ends if not np.isnan(y)] or [0.0]
+    rooms: list[float] = []
+    for room in sorted(reach * unit for reach in RANGES for unit in (max(np.ptp(known), steep * (b - a)), b - a)):
+        if not rooms or room > SAME_RANGE * rooms[-1]:
+            rooms.append(room)
+    found = []
+    for room in rooms:
+        levels = np.linspace(min(known) - room, max(known) + room, LEVELS)
+        for y in known:
+            levels[np.argmin(np.abs(levels - y))] = y
+        path = _least(problem, x, np.sort(levels), ends, steep)
+        if path is not None:
+            found.append((x, path))
+    return found
+
+
+def _least(problem: Problem, x: np.ndarray, levels: np.ndarray, ends: list[float], steep: float) -> np.ndarray | None:
+    """The ordinates of the least polygon, (K + 1,); None where none is admitted."""
+    first, last = _begun(problem, x, levels, ends)
+    costs, back = first, []
+    for k in range(len(x) - 1):
+        through = costs[:, None] + _pieces(problem, x[k : k + 2], levels, steep)
+        back.append(np.argmin(through, axis=0))
+        costs = through.min(axis=0)
+    costs = costs + last
+    if not np.isfinite(costs).any():
+        return None
+    path = [int(np.argmin(costs))]
+    for numbers in reversed(back):
+        path.insert(0, int(numbers[path[0]]))
+    return levels[path]
+
+
+def _begun(problem: Problem, x: np.ndarray, levels: np.ndarray, ends: list[float]) -> list[np.ndarray]:
+    """What it costs to begin, and to end, at each level: without end where another ordinate is given."""
+    cost, added = end_cost(problem), []
+    for side, y in enumerate(ends):
+        at = np.where(np.isnan(y) | (levels == y), 0.0, np.inf)
+        if cost is not None and np.isnan(y):
+            other = np.nan_to_num(ends[1 - side])
+            pairs = [(level, other) if side == 0 else (other, level) for level in levels]
+            at = at + problem.sign * np.array(
+                [float(cost(x[0], p, x[-1], q, problem.parameter_values, [])) for p, q in pairs]
+            )
+        added.append(np.where(np.isfinite(at), at, np.inf))
+    return added
+
+
+def _pieces(problem: Problem, x: np.ndarray, levels: np.ndarray, steep: float) -> np.ndarray:
+    """What a piece adds from each level to each, (J, J): the convexified L half way, by the mean slope."""
+    width, count = x[1] - x[0], len(levels)
+    half = 0.5 * (levels[:, None] + levels)
+    slope = (levels - levels[:, None]) / width
+    rows, inverse = np.unique(half, return_inverse=True)
+    tried = steep * SLOPES
+    values = _admitted(problem, x.mean(), rows, tried)
+    envelope = np.full((count, count), np.inf)
+    rises = np.diff(np.where(np.isfinite(values), values, np.nan), axis=1) / np.diff(tried)
+    for number, (row, rates) in enumerate(zip(values, rises, strict=True)):
+        finite = np.isfinite(row)
+        if finite.sum() < 2:
+            continue
+        lines = np.unique(rates[np.isfinite(rates)])
+        conjugate = (lines[:, None] * tried[finite] - row[finite]).max(axis=1)
+        here = inverse.reshape(count, count) == number
+        within = here & (slope >= tried[finite][0]) & (slope <= tried[finite][-1])
+        envelope[within] = (lines * slope[within][:, None] - conjugate).max(axis=1)
+    return envelope * width
+
+
+def _admitted(problem: Problem, x: float, y: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """L as it is minimised at one abscissa, for each ordinate and each slope, infinite where bounds bar them."""
+    ordinates, tried = np.repeat(y, len(slopes)), np.tile(slopes, len(y))
+    at = np.full(len(tried), x)
+    values = problem.sign * problem.integrand_values(at, ordinates[None], tried[None])
+    numbers, none = np.tile(problem.parameter_values[:, None], (1, len(at))), np.zeros((0, len(at)))
+    kept = np.asarray(bounds(problem)(at[None], ordinates[None], tried[None], none, numbers, none))
+    for given, bound in zip(kept, problem.of_type(Bound), strict=True):
+        low, high = bound.interval
+        values = np.where((given >= low) & (given <= high), values, np.inf)
+    return np.where(np.isfinite(values), values, np.inf).reshape(len(y), len(slopes))
