@@ -175,6 +175,42 @@ def test_a_stop_that_is_touched_is_met_there_or_passed():
     assert landing.stopped_by[0] == 1 or landing.reached[0] == pytest.approx(1, abs=1e-7)
 
 
+def along_a_line(level):
+    """x' = v, with a stop at a zero of the level and one at x = 3."""
+    s, y, c = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c", 0)
+    system = ca.Function("line", [s, y, c], [ca.vertcat(y[1], 0)])
+    return system, ca.Function("stops", [s, y, c], [ca.vertcat(level(y[0]), y[0] - 3)])
+
+
+@pytest.mark.parametrize(
+    ("level", "touched"),
+    [
+        (lambda x: ca.cos(x) - 1, 0.0),
+        (lambda x: (x - 0.5) ** 4, 0.5),
+        (lambda x: ca.sin(1 / (x + 2)) - 1, 2 / np.pi - 2),
+    ],
+)
+def test_round_off_beside_a_stop_that_is_touched_holds_nobody_up(level, touched):
+    """There the level has any sign, and zeros that no series tells."""
+    speeds = np.random.default_rng(0).uniform(0.5, 1.5, 500)
+    start = np.column_stack([np.full(500, -1.8), speeds])
+    landing = Taylor().compile(*along_a_line(level)).ensemble(start, np.zeros((500, 0)))
+    passed = landing.stopped_by == 1
+    assert np.all(passed | (np.abs(landing.states[:, 0] - touched) < 1e-7))
+    np.testing.assert_allclose(landing.reached[passed], 4.8 / speeds[passed], rtol=1e-14)
+    assert passed.mean() > 0.9
+    assert landing.steps.max() < 1000
+
+
+def test_a_stop_that_is_crossed_at_a_triple_zero_is_met():
+    """Round-off of a cube is its sign up to its third root."""
+    speeds = np.random.default_rng(0).uniform(0.5, 1.5, 500)
+    start = np.column_stack([np.zeros(500), speeds])
+    landing = Taylor().compile(*along_a_line(lambda x: (x - 0.5) ** 3)).ensemble(start, np.zeros((500, 0)))
+    assert np.all(landing.stopped_by == 0)
+    np.testing.assert_allclose(landing.states[:, 0], 0.5, atol=1e-4)
+
+
 def test_a_run_that_leaves_a_stop_along_it_goes_on():
     """At the top of its way, on the stop: it moves off it by the second derivative only."""
     landing = Taylor().compile(*parabola()).ensemble(np.array([[0.5, 0.0]]), np.array([[0.5]]), leaving=(0,))

@@ -43,6 +43,10 @@ GAP = 8
 """Terms of a series that may be nothing one after another."""
 GRAZE = 1e-9
 """A stop that leaves no more of a step than this touches the solution, and is passed over."""
+NO_SIGN = 4 * float(np.finfo(float).eps)
+"""Of a stopping function: what says nothing of its sign."""
+THROUGH = 1e-3
+"""Of the time in which the state changes by its own size: so far on both sides of a stop its sign is told."""
 ROUNDS = 4
 """Newton's steps, kept inside a bracket, to the zero of a stopping function."""
 LAST_CORRECTION = 1e-6
@@ -73,10 +77,11 @@ class TaylorStep:
         longest = reduce(ca.fmin, [_told(level, whole) for level in levels], ca.fmin(bound, free))
         length, certain = _allowed(ahead, longest, graze)
         length = ca.fmin(length, until - time)
-        crossed = [_crossed(level, length) for level in ahead]
+        natural = ca.fmin(free, whole)
+        crossed = [_crossed(level, length, natural) for level in ahead]
         number, zero, found = _zero(ahead, crossed, length)
-        several = ca.logic_and(sum(crossed, ca.SX(0)) > 1, length > graze)
-        going = ca.logic_and(certain, ca.logic_not(ca.logic_or(several, ca.logic_not(found))))
+        doubtful = ca.logic_or(sum(crossed, ca.SX(0)) > 1, ca.logic_not(found))
+        going = ca.logic_and(certain, ca.logic_not(ca.logic_and(doubtful, length > graze)))
         met = ca.logic_and(going, number >= 0)
         taken = ca.if_else(met, zero, length)
         end = ca.vertcat(*(_polynomial(series, taken) for series in solution))
@@ -168,7 +173,7 @@ def _told(level: Expression, whole: Expression) -> Expression:
     The solution may be told much farther: beside a straight line the distance from a point is no polynomial.
     """
     order, tiny = level.numel() - 1, np.finfo(float).tiny
-    size = reduce(ca.fmax, (ca.fabs(level[k]) * whole**k for k in range(3)))
+    size = _size(level, whole)
     return reduce(
         ca.fmin,
         ((LEVEL_SHARE * (size + tiny) / (ca.fabs(level[k]) + tiny)) ** (1 / k) for k in (order - 1, order)),
@@ -200,9 +205,21 @@ def _certain(levels: Sequence[Expression], h: Expression) -> Expression:
     return ca.logic_not(doubtful)
 
 
-def _crossed(level: Expression, h: Expression) -> Expression:
-    """Whether a function is zero between 0 and ``h``, where it has one zero at most."""
-    return ca.logic_and(level[0] != 0, level[0] * _polynomial(level, h) <= 0)
+def _crossed(level: Expression, h: Expression, natural: Expression) -> Expression:
+    """Whether a function is zero between 0 and ``h``, where it has one zero at most.
+
+    One that is no more than round-off at both ends, beside what it changes by in the time ``natural``, may have any
+    sign: where it is touched it is not crossed.
+    """
+    end, far = _polynomial(level, h), THROUGH * natural
+    through = _polynomial(level, far) * _polynomial(level, -far) < 0
+    told = ca.fabs(end - level[0]) > NO_SIGN * _size(level, natural)
+    return ca.logic_and(ca.logic_and(level[0] != 0, level[0] * end <= 0), ca.logic_or(told, through))
+
+
+def _size(level: Expression, whole: Expression) -> Expression:
+    """What the first terms of a series come to in the time ``whole``."""
+    return reduce(ca.fmax, (ca.fabs(level[k]) * whole**k for k in range(3)))
 
 
 def _zero(

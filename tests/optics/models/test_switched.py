@@ -168,3 +168,19 @@ def test_a_step_that_a_whole_number_takes_away_has_no_end():
     n = np.array([[1.5, 1.5, 1.6], [1.5, 1.6, 1.7]])
     x = 2 + (3.0 - 0.8 * n[:, 0] - n[:, 1]) / n[:, 2]
     np.testing.assert_allclose(bundle.points, np.column_stack([x, [2.4, 2.6]]), rtol=1e-14)
+
+
+def test_whole_numbers_that_a_sine_touches_hold_no_ray_up():
+    """n is 1.5 where sin x is positive and 1.3 where it is not; at 1 and -1 the sine touches other whole numbers."""
+    scene = optics.Scene(optics.Graded(lambda x, y: 1.5 + 0.2 * ca.floor(ca.sin(x))))
+    rng = np.random.default_rng(1)
+    start, angle = rng.uniform(0.2, 0.4, 200), rng.uniform(-0.6, 0.6, 200)
+    bundle = scene.trace(
+        np.column_stack([start, 0 * start]), np.column_stack([np.cos(angle), np.sin(angle)]), optical_path=40.0,
+        model=optics.Hamilton(),
+    )  # fmt: skip
+    assert np.all(bundle.arrived)
+    for x, theta, there in zip(start, angle, bundle.points, strict=True):
+        direction = (np.cos(theta) / np.pi, np.sin(theta) / np.pi)
+        ahead, _ = through_stairs((x / np.pi, 0.0), direction, 40.0 / np.pi, lambda step: (1.5, 1.3)[step % 2])
+        np.testing.assert_allclose(there, np.pi * ahead, atol=1e-8)
