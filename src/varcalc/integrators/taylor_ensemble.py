@@ -24,9 +24,12 @@ ENDED_SHARE = 16
 """A run that has ended is taken out when one in so many has: until then it ends again, the same way."""
 USUAL = 20
 """Steps that a run is expected to take."""
-COLUMNS = 100_000
-"""Columns by CasADi's interpreter that take as long as compiling: 2 to 3 nanoseconds an operation and column against
-0.2 to 0.4 milliseconds an operation."""
+WORTH = ((20_000, 0), (1_000_000, 3))
+"""Columns from which on compiling is worth it, and the level to which LLVM then optimises.
+
+An operation of a column takes CasADi's interpreter 2.7 nanoseconds, machine code that is not optimised 0.09 and the
+optimised one 0.03, and compiling an operation some 60 microseconds and 150.
+"""
 
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same function wait for the one that compiles it."""
@@ -40,35 +43,37 @@ class VectorisedStep:
     """
 
     function: ca.Function
-    _left: int = field(default=COLUMNS, init=False)
+    _seen: int = field(default=0, init=False)
+    _compilations: int = field(default=0, init=False)
     _compiled: Any = field(default=None, init=False, repr=False)
 
     def expects(self, columns: int) -> None:
-        """Compile the function if so many columns, or those before them, are worth it."""
-        if self._compiled is None and columns > self._left:
+        """Compile the function, or do it better, if so many columns more than those before are worth it."""
+        worth = [level for least, level in WORTH if self._seen + columns > least]
+        if len(worth) > self._compilations:
             with _ONE_AT_A_TIME:
-                if self._compiled is None:
-                    self._compiled = _compiled(self.function)
+                if len(worth) > self._compilations:
+                    self._compiled = _compiled(self.function, worth[-1])
+                    self._compilations = len(worth)
 
     def __call__(self, columns: np.ndarray, results: np.ndarray) -> None:
         """The function of each of the ``columns`` (n, m), written into ``results`` (k, m); both contiguous."""
-        if self._left <= 0:
-            self.expects(columns.shape[1])
+        self.expects(columns.shape[1])
+        self._seen += columns.shape[1]
         if self._compiled is not None:
             self._compiled(columns, outputs=results)
-            return
-        self._left -= columns.shape[1]
-        results[:] = np.array(self.function(columns))
+        else:
+            results[:] = np.array(self.function(columns))
 
 
-def _compiled(function: ca.Function) -> Any:
-    """``function`` of one argument as a heyoka function of arrays."""
+def _compiled(function: ca.Function, level: int) -> Any:
+    """``function`` of one argument as a heyoka function of arrays, optimised to a ``level``."""
     import heyoka as hy
 
     column, nothing = ca.SX.sym("Y", function.numel_in(0)), ca.SX.sym("c", 0)
     system = ca.Function(function.name(), [ca.SX.sym("s"), column, nothing], [function(column)])
     names = [hy.expression(f"Y{i}") for i in range(function.numel_in(0))]
-    return hy.cfunc(lower(system, [[hy.time], names, []]), names)
+    return hy.cfunc(lower(system, [[hy.time], names, []]), names, opt_level=level)
 
 
 @dataclass
