@@ -3,6 +3,7 @@
 import io
 import sys
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -143,3 +144,96 @@ def test_a_solve_that_is_stopped_leaves_the_curve_being_examined():
     with pytest.raises(vc.Interrupted) as stopped:
         vc.solve(SPRING, progress=stop)
     assert stopped.value.known.value == pytest.approx(1 / np.tanh(1.0), abs=1e-12)
+
+
+class AtPiece(list):
+    """Who stops the call when rays come to a piece of the index."""
+
+    def __init__(self, piece):
+        self.words = f"in piece {piece} of the index"
+
+    def __call__(self, done, total, what):
+        self.append(what)
+        if self.words in what:
+            raise KeyboardInterrupt
+
+
+GRATING = optics.Scene(optics.Graded(lambda x, y: ca.if_else(ca.sin(np.pi * x) > 0, 1.5, 1.0)))
+
+
+def test_rays_that_come_to_many_jumps_tell_of_them_and_are_known_when_they_are_stopped():
+    with pytest.raises(vc.Interrupted) as stopped:
+        GRATING.trace([(0.5, 0.0), (0.5, 1.0)], [(1.0, 0.0), (1.0, 0.0)], optical_path=[3.0, 1e4], progress=AtPiece(12))
+    bundle = stopped.value.known
+    assert bundle.status.tolist() == [optics.RayStatus.ARRIVED, optics.RayStatus.INTERRUPTED]
+    # 0.75 to x = 1, then 1 and 1.5 by turns; after eleven pieces the second ray is at x = 11
+    np.testing.assert_allclose(bundle.points, [(2 + 1.25 / 1.5, 0.0), (11.0, 1.0)], atol=1e-12)
+    np.testing.assert_allclose(bundle.optical_path, [3.0, 0.75 + 5 * 1.0 + 5 * 1.5], atol=1e-12)
+
+
+def test_rays_that_nobody_has_carried_are_where_they_start(monkeypatch):
+    monkeypatch.setattr("varcalc.optics.validation.CHUNK", 2)
+    with pytest.raises(vc.Interrupted) as stopped:
+        GRATING.trace([(0.5, y) for y in range(5)], (1.0, 0.0), optical_path=1e4, progress=AtPiece(3))
+    bundle = stopped.value.known
+    assert np.all(bundle.status == optics.RayStatus.INTERRUPTED)
+    np.testing.assert_allclose(bundle.points[:, 0], [2.0, 2.0, 0.5, 0.5, 0.5], atol=1e-12)
+    np.testing.assert_allclose(bundle.optical_path, [1.75, 1.75, 0, 0, 0], atol=1e-12)
+
+
+def test_threads_stop_with_the_call(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    starts = np.column_stack([np.full(600, 0.5), np.arange(600)])
+    with pytest.raises(vc.Interrupted) as stopped:
+        GRATING.trace(starts, (1.0, 0.0), optical_path=1e4, progress=AtPiece(5))
+    bundle = stopped.value.known
+    assert np.all(bundle.status == optics.RayStatus.INTERRUPTED)
+    assert np.all(bundle.points[:, 0] <= 6)
+
+
+def test_few_rays_that_come_to_many_jumps_show_a_bar(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setattr("varcalc.progress.SECONDS_WITHOUT_BAR", 0.0)
+    GRATING.trace((0.5, 0.0), (1.0, 0.0), optical_path=1000.0)
+    assert "of the index" in sys.stderr.getvalue()
+
+
+def test_a_search_in_which_rays_come_to_many_jumps_tells_of_them():
+    told = AtPiece(3)
+    with pytest.raises(vc.Interrupted) as stopped:
+        GRATING.rays((0.5, 0.0), (8.5, 1.0), within=40.0, model=optics.Hamilton(), progress=told)
+    assert any("laying out rays" in what for what in told)
+    assert stopped.value.known.unresolved > 0
+
+
+STUDY = optics.Study(
+    optics.Scene(optics.Graded(lambda x, y: ca.if_else(ca.sin(x + y) > 0, 1.5, 1.0))),
+    optics.PointSource((0.5, 0.0)),
+    rays=3,
+    optical_path=8.0,
+    wavefronts=2,
+    receiver=(2.0, 0.5),
+)
+
+
+def test_a_study_tells_of_its_rays_and_fronts():
+    told = AtPiece(None)
+    STUDY.run(progress=told)
+    for words in ("rays, 2 followed", "rays, 0 followed, 1 ray in piece", "arrivals, laying out rays", "wavefronts, "):
+        assert any(words in what for what in told), words
+
+
+class AtWords(AtPiece):
+    def __init__(self, words):
+        self.words = words
+
+
+def test_a_study_that_is_stopped_keeps_rays_and_arrivals_apart():
+    with pytest.raises(vc.Interrupted) as stopped:
+        STUDY.run(progress=AtWords("arrivals, laying out rays"))
+    assert len(stopped.value.known.tracks) == 3
+    assert len(stopped.value.known.arrivals) == 0
+    with pytest.raises(vc.Interrupted) as stopped:
+        STUDY.run(progress=AtWords("wavefronts, "))
+    assert len(stopped.value.known.arrivals) > 0
+    assert len(stopped.value.known.wavefronts) == 0

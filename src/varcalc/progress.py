@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sized
 from contextlib import contextmanager
+from threading import Lock
 from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
@@ -21,6 +22,8 @@ taken a second, and nothing to a script; True shows it at once and anywhere, Fal
 """
 SECONDS_WITHOUT_BAR = 1.0
 """Seconds for which nobody wants to see a bar."""
+SECONDS_BETWEEN = 0.05
+"""Between two pictures of a bar, which take up to a millisecond."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -49,7 +52,10 @@ class Telling:
         """Tell that ``done`` steps of ``total`` lie behind, and that ``what`` comes next."""
         if self._function is not None:
             self._function(done, total, what)
-        elif self._bar is not None or time.perf_counter() >= self._from:
+            return
+        now = time.perf_counter()
+        if now >= self._from or (self._bar is not None and done == total):
+            self._from = now + SECONDS_BETWEEN
             self._show(done, total, what)
 
     def over(self, steps: Iterable[T], what: Callable[[T], str] = lambda _: "") -> Iterator[T]:
@@ -77,7 +83,8 @@ class Stage:
     """The one who is told, by a search of many questions: how many are done, and what comes next, in words.
 
     Nobody where ``tell`` is None; ``before`` is how many were done before those that are counted. Ctrl-C ends what is
-    done within :meth:`stoppable` and nothing else, so that what is known by then can be given back.
+    done within :meth:`stoppable` and nothing else, so that what is known by then can be given back. Several threads may
+    tell.
     """
 
     def __init__(self, tell: Callable[[int, str], None] | None = None, before: int = 0) -> None:
@@ -85,11 +92,13 @@ class Stage:
         self._before = before
         self._whole = self
         self._stopped = False
+        self._one_at_a_time = Lock()
 
     def __call__(self, done: int, what: str) -> None:
         """Tell that ``done`` more questions lie behind, and ``what`` comes next."""
         if self._tell is not None:
-            self._tell(self._before + done, what)
+            with self._whole._one_at_a_time:  # noqa: SLF001  of this class
+                self._tell(self._before + done, what)
 
     def later(self, before: int) -> Stage:
         """The stages of a part of the questions, ``before`` which as many were done; it stops with the others."""

@@ -8,6 +8,7 @@ compiled, :class:`Dop853` (Dormand and Prince, SciPy's coefficients) needs no co
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 import casadi as ca
@@ -113,12 +114,15 @@ def compiles() -> bool:
     return any(isinstance(engine, Taylor) for engine in available())
 
 
-def spread(work: Callable[[slice], None], count: int) -> None:
+def spread(
+    work: Callable[[slice], None], count: int, stoppable: Callable[[], AbstractContextManager[None]] = nullcontext
+) -> None:
     """Call ``work``, which runs an ensemble, with slices of ``range(count)``, on as many threads as are worth it.
 
-    DOP853 is NumPy's calls, which take turns: for it a second thread is worth only many runs.
+    They are waited for within ``stoppable``. DOP853 is NumPy's calls, which take turns: for it a second thread is worth
+    only many runs.
     """
-    spread_over(work, count, SMALLEST_SHARE if compiles() else TOGETHER)
+    spread_over(work, count, SMALLEST_SHARE if compiles() else TOGETHER, stoppable)
 
 
 def _to_all_digits(engine: Engine) -> Engine:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager, nullcontext
 
 SMALLEST_SHARE = 256
 """Fewer than this are not worth another thread."""
@@ -17,10 +18,14 @@ def threads_for(runs: int, smallest: int = SMALLEST_SHARE) -> int:
     return max(1, min(os.cpu_count() or 1, runs // smallest))
 
 
-def spread(work: Callable[[slice], None], count: int, smallest: int = SMALLEST_SHARE) -> None:
+def spread(
+    work: Callable[[slice], None], count: int, smallest: int = SMALLEST_SHARE,
+    stoppable: Callable[[], AbstractContextManager[None]] = nullcontext,
+) -> None:  # fmt: skip
     """Call ``work`` with slices of ``range(count)`` that together are all of it, on as many threads as there are cores.
 
-    What one of them raises is raised.
+    What one of them raises is raised. Threads are waited for within ``stoppable``, which may keep Ctrl-C from ending
+    the call before they are done.
     """
     threads = threads_for(count, smallest)
     size = min(LARGEST_SHARE, max(1, -(-count // threads)))
@@ -30,4 +35,8 @@ def spread(work: Callable[[slice], None], count: int, smallest: int = SMALLEST_S
             work(part)
         return
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(work, parts))
+        futures = [pool.submit(work, part) for part in parts]
+        with stoppable():
+            wait(futures)
+        for future in futures:
+            future.result()

@@ -176,6 +176,8 @@ class Scene(Shown):
             left out. The answer names it.
         progress : callable or bool, optional
             As :data:`varcalc.progress.Progress` says: told of the rays, or whether to show a bar on standard error.
+            Ctrl-C raises :class:`varcalc.Interrupted`, which holds the bundle; rays that had not come to an end by then
+            are where they were, with the status ``INTERRUPTED``.
 
         Returns
         -------
@@ -195,8 +197,11 @@ class Scene(Shown):
         propagator = self._compiled.propagator(until, starts.points.shape[1], checked_model(model))
         if until is not None:
             starts.on_stop[:] = touched(propagator.geometries[propagator.stop], starts.points)
-        bundle = traced(propagator, starts, with_spreading=with_spreading, progress=progress)
-        return replace(bundle, axes=self.axes(starts.points.shape[1]))
+        axes = self.axes(starts.points.shape[1])
+        try:
+            return replace(traced(propagator, starts, with_spreading=with_spreading, progress=progress), axes=axes)
+        except Interrupted as stop:
+            raise Interrupted(replace(stop.known, axes=axes)) from stop
 
     def rays(
         self, A: Any, B: Any, *, within: float | None = None, wavelength: float | None = None,

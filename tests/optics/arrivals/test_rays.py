@@ -553,3 +553,30 @@ def test_no_claim_is_made_of_rays_that_end_where_the_index_is_nothing_or_infinit
     assert len(rays) == 0
     assert rays.unresolved == 1
     assert "none such is looked for" in rays.reason
+
+
+@pytest.mark.parametrize(
+    "index",
+    [
+        lambda x, y: 1.5 + 0.2 * ca.floor(ca.sin(1 / x)),
+        lambda x, y: 1.5 + 0.2 * ca.sign(ca.sin(1 / (x * y))),
+        lambda x, y: 1.5 + 0.1 * ca.tanh(ca.floor(1 / x)),
+    ],
+)
+def test_infinitely_many_jumps_between_two_points_are_given_up_and_counted(index):
+    told = []
+    rays = optics.Scene(optics.Graded(index)).rays(
+        (-1.7, -0.46), (1.2, 2.2), within=4.0, progress=lambda _done, _total, what: told.append(what)
+    )
+    assert len(rays) == 0
+    assert rays.unresolved > 0
+    assert "rays through no more than 256 pieces of the index each" in rays.searched
+    assert not any("in piece 300 of the index" in what for what in told)
+
+
+def test_rays_that_meet_few_of_infinitely_many_jumps_are_found_beside_them():
+    """On the side of x < 0 nothing jumps before x = -1/π: there rays are straight lines."""
+    scene = optics.Scene(optics.Graded(lambda x, y: 1.5 + 0.2 * ca.sign(ca.sin(1 / x))))
+    rays = scene.rays((-2.0, 0.0), (-1.0, 0.5), within=6.0)
+    assert rays.unresolved > 0
+    assert rays[0].optical_path == pytest.approx(1.3 * np.hypot(1.0, 0.5), rel=1e-14)

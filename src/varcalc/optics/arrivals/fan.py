@@ -17,8 +17,10 @@ import numpy as np
 from varcalc.optics.arrivals.cells import CROSSED, MOVED, PATH, Cells, P, R, between, parted
 from varcalc.optics.media.medium import Field
 from varcalc.optics.models.hamilton import HamiltonRays
+from varcalc.optics.models.watch import MOST_SEARCHED, MOST_SEARCHED_TOGETHER, NOT_FOLLOWED, Watch, searching
 from varcalc.optics.propagation.sequential import Propagator, UnderWay, stride
 from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, packed, unpacked
+from varcalc.progress import Stage
 
 FIRST_ANGLES = 64
 """Rays of a source to begin with."""
@@ -105,6 +107,7 @@ class Fan:
     sources: np.ndarray
     bounds: FanReach
     aimed: AimedDirections = field(default_factory=AimedDirections.nowhere)
+    stage: Stage = field(default_factory=Stage)
     looked_at: int = 0
     ends: Counter[RayStatus] = field(default_factory=Counter)
     entered: int = 0
@@ -114,6 +117,18 @@ class Fan:
     def __post_init__(self) -> None:
         self.given_up = np.zeros(len(self.sources), dtype=int)
         self._gaps = np.zeros(0, dtype=bool)
+        self._not_followed = False
+        self._looking = searching(self.stage, len(self.sources))
+        self.watch_anew(len(self.sources))
+
+    def watch_anew(self, pairs: int) -> None:
+        """Forget what rays have come to so far on their way from front to front; they are for so many ``pairs``."""
+        self._moving = searching(self.stage, pairs)
+
+    @property
+    def spent(self) -> bool:
+        """Whether rays have come to so many pieces of the index that no more of them are followed."""
+        return self._moving.left <= 0
 
     def entries(self, source: np.ndarray, angles: np.ndarray) -> Beam:
         """The rays (m,) at ``angles`` where they come into the last medium; not a number where they do not."""
@@ -125,7 +140,9 @@ class Fan:
         headings = np.column_stack([np.cos(angles), np.sin(angles)])
         beam = launched(start, headings, self.propagator.fields[0].index(start), neighbours=True)
         self.looked_at += len(angles)
-        rays = self.propagator.into_last_medium(beam, self.bounds.path[source])
+        self.stage(0, f"laying out rays, {self.looked_at} looked at")
+        watch = Watch(self.stage, MOST_SEARCHED)  # what threads count together depends on which is first
+        rays = self.propagator.into_last_medium(beam, self.bounds.path[source], watch)
         beam, alive = rays.beam, rays.alive
         self.ends.update(RayStatus(int(code)) for code in rays.status[~alive])
         self.entered += int(np.sum(alive))
@@ -145,7 +162,11 @@ class Fan:
         ends, grown = np.full_like(states, np.nan), np.zeros(len(states))
         rows = np.flatnonzero(np.isfinite(states[:, PATH]) & np.isfinite(path))
         if len(rows):
-            beam, grown[rows] = self.propagator.models[-1].onward(_beam(states[rows]), sigma[rows], path[rows])
+            last, begin = self.propagator.models[-1], _beam(states[rows])
+            if isinstance(last, HamiltonRays):
+                beam, grown[rows] = last.onward(begin, sigma[rows], path[rows], self._moving)
+            else:
+                beam, grown[rows] = last.onward(begin, sigma[rows], path[rows])
             ends[rows] = _states(beam)
         return ends, grown
 
@@ -215,6 +236,10 @@ class Fan:
         met = np.count_nonzero(np.isfinite(behind[..., 0]), axis=1)
         ended = NOT_ENTERED - rays.status * (behind.shape[1] + 1) - met
         course = np.where(np.isfinite(entry[:, PATH]), self._course(source, entry), ended)
+        lost = ~np.isfinite(course)
+        if np.any(lost):
+            np.add.at(self.given_up, source[lost], 1)
+            course[lost], self._not_followed = NOT_FOLLOWED, True
         return _FanRays(source, angles, entry, course, behind)
 
     def _closed_in(self, looks: _FanRays) -> _FanRays:
@@ -224,7 +249,7 @@ class Fan:
             parted = parted[looks.angles[parted + 1] - looks.angles[parted] > LEAST_ANGLE]
             if len(parted) > MOST_PARTINGS * len(self.sources):  # those of rays that end before come last
                 parted = parted[np.maximum(looks.course[parted], looks.course[parted + 1]) > NOT_ENTERED]
-            if len(parted) == 0 or len(parted) > MOST_PARTINGS * len(self.sources):
+            if len(parted) == 0 or len(parted) > MOST_PARTINGS * len(self.sources) or self._looking.left <= 0:
                 break
             share = np.arange(1, PARTS_OF_INTERVAL) / PARTS_OF_INTERVAL
             low, high = looks.angles[parted, None], looks.angles[parted + 1, None]
@@ -305,7 +330,11 @@ class Fan:
         """What is said of surfaces and of jumps inside the medium."""
         if not self._parting:
             return ""
-        return f", surfaces and jumps that are seen under more than {360 / LOOKS / FIRST_ANGLES:.2g}°"
+        said = f", surfaces and jumps that are seen under more than {360 / LOOKS / FIRST_ANGLES:.2g}°"
+        if self._not_followed or self.spent:
+            said += f", rays through no more than {MOST_SEARCHED} pieces of the index"
+            said += f" each and {MOST_SEARCHED_TOGETHER} for each pair of points"
+        return said
 
     @property
     def _bending(self) -> bool:
@@ -353,7 +382,7 @@ class Fan:
             return np.isfinite(entry[:, PATH]).astype(float)
         course = np.full(len(entry), -1.0)
         rows = np.flatnonzero(np.isfinite(entry[:, PATH]))
-        course[rows] = last.crossed(_beam(entry[rows]), self.bounds.path[source[rows]])
+        course[rows] = last.crossed(_beam(entry[rows]), self.bounds.path[source[rows]], self._looking)
         return course
 
     def _steps(self, source: np.ndarray, angles: np.ndarray, entry: np.ndarray) -> list[_Stretch]:
@@ -366,7 +395,7 @@ class Fan:
             near[rows + 1] = within
             going = near[rows + 1] | near[rows] | near[rows + 2]
             rows, sigma, states = rows[going], sigma[going], states[going]
-            if not np.any(within):
+            if not np.any(within) or self.spent:
                 break
             step = self._step(source[rows], sigma, states)
             path = states[:, PATH] + step * np.sum(states[:, P] ** 2, axis=1)
@@ -374,9 +403,8 @@ class Fan:
             grown = np.where(np.isfinite(after[:, PATH]), grown, step)
             stretches.append(_Stretch(source, angles, rows, sigma, states, sigma + grown, after))
             sigma, states = sigma + grown, after
-        else:
-            within = self._within(source[rows], states)
-            np.add.at(self.given_up, source[rows[within]], 1)
+        within = self._within(source[rows], states)
+        np.add.at(self.given_up, source[rows[within]], 1)
         return stretches
 
     def _between(self, rays: _Stretch) -> Cells:

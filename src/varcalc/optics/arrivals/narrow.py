@@ -179,9 +179,8 @@ class _Aiming:
         known: list[tuple[int, float, float]] = []
         lost = source[:0]
         for _ in range(ROUNDS):
-            met = (
-                WavefrontConstruction(Fan(self.propagator, self.sources, bounds, aimed), pairs).run(self.stage).meeting
-            )
+            fan = Fan(self.propagator, self.sources, bounds, aimed, self.stage)
+            met = WavefrontConstruction(fan, pairs).run(self.stage).meeting
             pair, angle, p, moved = met.aims.pair, met.aims.angle, met.state[:, P], met.state[:, MOVED]
             with np.errstate(divide="ignore"):
                 scale = np.linalg.norm(p, axis=1) / np.abs(p[:, 0] * moved[:, 1] - p[:, 1] * moved[:, 0])

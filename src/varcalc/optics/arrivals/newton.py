@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.optics.arrivals.cells import MOVED, PATH, P, R
+from varcalc.optics.arrivals.cells import CROSSED, MOVED, PATH, P, R
 from varcalc.optics.arrivals.fan import Fan
 from varcalc.optics.rays.beam import Rows, packed
 
@@ -71,6 +71,13 @@ class ClosestApproach(Rows):
     aims: Aims
     state: np.ndarray
     miss: np.ndarray
+
+    @classmethod
+    def none(cls) -> ClosestApproach:
+        """No rays."""
+        nothing, nobody = np.zeros(0), np.zeros(0, dtype=int)
+        aims = Aims(nobody, nobody, np.zeros((0, 2)), nothing, nothing, nothing, nothing, nothing)
+        return cls(aims, np.zeros((0, CROSSED + 1)), nothing)
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ class TwoPoint:
         source = source.ravel()
         bounds = _bounds(source, flat[1], ends.within, far, distance)
         aimed, given_up, said = self.narrow.aimed(origins, bounds, stage)
-        fan = Fan(self.planar, origins, bounds, aimed)
+        fan = Fan(self.planar, origins, bounds, aimed, stage)
         fan.given_up += given_up
         found = WavefrontConstruction(fan, PlanePairs(source, flat[1], ends.within, distance)).run(stage)
         rays = self._rays(ends, found)
@@ -264,7 +264,8 @@ class TwoPoint:
         distance = np.linalg.norm(ends.targets - ends.sources, axis=1)
         far = np.maximum(ends.within / self._largest_index(ends), 2 * distance)
         bounds = _bounds(np.zeros(len(ends), dtype=int), ends.targets, ends.within, far, distance)
-        fan = SpaceFan(self.full, ends.sources[0], SpaceReach(*(values[0] for values in vars(bounds).values())))
+        reach = SpaceReach(*(values[0] for values in vars(bounds).values()))
+        fan = SpaceFan(self.full, ends.sources[0], reach, len(ends), stage)
         searches = [SpaceSearch(fan, target, float(d)) for target, d in zip(ends.targets, distance, strict=True)]
         with stage.stoppable():
             stage(0, "laying out rays")

@@ -17,8 +17,10 @@ from varcalc.optics.arrivals.directions import SIDE, headings, placed
 from varcalc.optics.arrivals.space_cells import COLUMNS, CROSSED, MOVED, PATH, P, R, SpaceCells, bernstein, patch
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.straight import StraightRays
+from varcalc.optics.models.watch import MOST_SEARCHED, NOT_FOLLOWED, Watch, searching
 from varcalc.optics.propagation.sequential import Propagator, stride
 from varcalc.optics.rays.beam import Beam, RayStatus, launched, packed, unpacked
+from varcalc.progress import Stage
 
 CELLS = 16
 """Cells along one side of a face of directions, to begin with."""
@@ -73,11 +75,16 @@ class SpaceFan:
     propagator: Propagator
     source: np.ndarray
     bounds: SpaceReach
+    pairs: int = 1
+    stage: Stage = field(default_factory=Stage)
     looked_at: int = 0
     ends: Counter[RayStatus] = field(default_factory=Counter)
     entered: int = 0
     given_up: bool = False
-    """Whether rays took more steps than are allowed."""
+    """Whether rays took more steps than are allowed, or came through too many pieces of the index."""
+
+    def __post_init__(self) -> None:
+        self._looking, self._moving = searching(self.stage, self.pairs), searching(self.stage, self.pairs)
 
     def entries(self, face: np.ndarray, place: np.ndarray) -> np.ndarray:
         """The states (m, 20) of rays where they come into the last medium; not a number where they do not."""
@@ -90,7 +97,9 @@ class SpaceFan:
         if not self.propagator.surfaces:
             self.entered += len(face)
             return _states(beam)
-        rays = self.propagator.into_last_medium(beam, np.full(len(face), self.bounds.path))
+        rays = self.propagator.into_last_medium(
+            beam, np.full(len(face), self.bounds.path), Watch(self.stage, MOST_SEARCHED)
+        )
         beam, alive = rays.beam, rays.alive
         self.ends.update(RayStatus(int(code)) for code in rays.status[~alive])
         self.entered += int(np.sum(alive))
@@ -108,7 +117,10 @@ class SpaceFan:
             return ends
         carry, beam, far = self.propagator.models[-1], _beam(states[rows]), sigma[rows]
         path = states[rows, PATH] + far * np.sum(states[rows, P] ** 2, axis=1)
-        there, grown = carry.onward(beam, far, path)
+        if isinstance(carry, HamiltonRays):
+            there, grown = carry.onward(beam, far, path, self._moving)
+        else:
+            there, grown = carry.onward(beam, far, path)
         for _ in range(PATH_STEPS):
             late = far - grown
             if not np.any(np.abs(late) > SAME_SIGMA * far):
@@ -155,6 +167,8 @@ class SpaceFan:
             if self._straight:
                 return
             states, sigma = after, sigma + step
+            if self._moving.left <= 0:
+                break
         self.given_up = True
 
     def parted(self, cells: SpaceCells) -> tuple[SpaceCells, np.ndarray]:
@@ -303,7 +317,9 @@ class SpaceFan:
         course = np.where(np.isfinite(entry[:, PATH]), 0.0, -1.0)
         last, rows = self.propagator.models[-1], np.flatnonzero(course == 0)
         if isinstance(last, HamiltonRays) and last.jumps and len(rows):
-            course[rows] = last.crossed(_beam(entry[rows]), np.full(len(rows), self.bounds.path))
+            through = last.crossed(_beam(entry[rows]), np.full(len(rows), self.bounds.path), self._looking)
+            self.given_up |= not np.all(np.isfinite(through))
+            course[rows] = np.nan_to_num(through, nan=NOT_FOLLOWED)
         return course
 
     def _foreseen(self, entry: np.ndarray, number: np.ndarray) -> np.ndarray:

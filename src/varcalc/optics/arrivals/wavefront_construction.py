@@ -79,10 +79,11 @@ class WavefrontConstruction:
 
     def __post_init__(self) -> None:
         self.continuum = np.zeros(len(self.pairs), dtype=bool)
-        self.flat: list[ClosestApproach] = []
+        self.flat = [ClosestApproach.none()]
         self.unresolved = np.zeros(len(self.pairs), dtype=int)
         self.crossings: list[Aims] = []
         self.folds: list[Aims] = []
+        self.fan.watch_anew(len(self.pairs))
 
     def run(self, stage: Stage | None = None) -> Arrivals:
         """All arrivals, those of one pair by ascending optical path; those that are known, where it is stopped."""
@@ -104,9 +105,11 @@ class WavefrontConstruction:
         self.unresolved += self.fan.given_up[self.pairs.source]
         cell, pair = self._first(cells)
         self._note_continua(cells, cell, pair)
-        while len(cell):
+        while len(cell) and not self.fan.spent:
             stage(0, f"{len(cell)} cells left")
             cells, cell, pair = self._round(cells, cell, pair)
+        np.add.at(self.unresolved, pair, 1)
+        self.fan.watch_anew(len(self.pairs))  # what was found is polished all the same
 
     def _first(self, cells: Cells) -> tuple[np.ndarray, np.ndarray]:
         """Cells and pairs whose points may be in them."""

@@ -17,6 +17,7 @@ from varcalc.integrators import Flow, Landing
 from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression
 from varcalc.optics.models.equations import force, ray_rates
+from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.grids import OnGrid
 
@@ -63,12 +64,13 @@ class GridFlow:
 
     def ensemble(
         self, states: np.ndarray, constants: np.ndarray, *, until: np.ndarray | float = np.inf,
-        leaving: tuple[int, ...] = (),
+        leaving: tuple[int, ...] = (), watch: Watch = UNWATCHED,
     ) -> Landing:  # fmt: skip
         """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
         ends = Landing.at(states, outcome=TOO_MANY_STEPS)
-        for _ in self._rounds(ends, constants, until, leaving):
-            pass
+        with watch.stoppable():
+            for _ in self._rounds(ends, constants, until, leaving, watch):
+                pass
         return ends
 
     def runs(self, state: np.ndarray, constants: np.ndarray) -> list[tuple[float, Flow, np.ndarray, np.ndarray]]:
@@ -80,31 +82,33 @@ class GridFlow:
         ]
 
     def _rounds(
-        self, ends: Landing, constants: np.ndarray, until: np.ndarray | float, leaving: tuple[int, ...]
-    ) -> Iterator[np.ndarray]:
+        self, ends: Landing, constants: np.ndarray, until: np.ndarray | float, leaving: tuple[int, ...],
+        watch: Watch = UNWATCHED,
+    ) -> Iterator[np.ndarray]:  # fmt: skip
         """Carry all rays through one cell after the other, in place; the numbers (m, k) of the cells before each."""
         last = np.array(np.broadcast_to(np.asarray(until, dtype=float), (len(ends.states),)))
         cells, standing, stuck = self._begun(ends.states)
         alive = self._entered(ends, cells, np.arange(len(ends.states)))
         ends.outcomes[stuck] = NOT_FINITE
         alive = alive[~stuck[alive]]
-        for _ in range(MOST_CROSSINGS):
-            if len(alive) == 0:
+        for crossed in range(MOST_CROSSINGS):
+            if len(alive) == 0 or not watch.lets_on(crossed, len(alive)):
                 return
-            numbers = self._numbers(cells)
-            yield numbers
-            for on in np.unique(standing[alive], axis=0):
-                some = alive[np.all(standing[alive] == on, axis=1)]
-                edges = tuple(int(k) + self._own for k in np.flatnonzero(on))
-                landing = self._flow.ensemble(
-                    ends.states[some], np.column_stack([constants[some], numbers[some]]),
-                    until=np.maximum(last[some] - ends.reached[some], 0.0), leaving=(*leaving, *edges),
-                )  # fmt: skip
-                ends.states[some], ends.outcomes[some] = landing.states, landing.outcomes
-                ends.stopped_by[some] = landing.stopped_by
-                done = landing.outcomes == COMPLETED  # the sum of the parts is not told so well
-                ends.reached[some] = np.where(done, last[some], ends.reached[some] + landing.reached)
-            alive, leaving = self._handed_on(ends, cells, standing, alive), ()
+            with watch.going(ends, alive):
+                numbers = self._numbers(cells)
+                yield numbers
+                for on in np.unique(standing[alive], axis=0):
+                    some = alive[np.all(standing[alive] == on, axis=1)]
+                    edges = tuple(int(k) + self._own for k in np.flatnonzero(on))
+                    landing = self._flow.ensemble(
+                        ends.states[some], np.column_stack([constants[some], numbers[some]]),
+                        until=np.maximum(last[some] - ends.reached[some], 0.0), leaving=(*leaving, *edges),
+                    )  # fmt: skip
+                    ends.states[some], ends.outcomes[some] = landing.states, landing.outcomes
+                    ends.stopped_by[some] = landing.stopped_by
+                    done = landing.outcomes == COMPLETED  # the sum of the parts is not told so well
+                    ends.reached[some] = np.where(done, last[some], ends.reached[some] + landing.reached)
+                alive, leaving = self._handed_on(ends, cells, standing, alive), ()
 
     def _told(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The arguments of the tables (m, J) on rays, and their derivatives by σ."""

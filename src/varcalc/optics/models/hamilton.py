@@ -28,6 +28,7 @@ from varcalc.optics.models.grids import GridFlow
 from varcalc.optics.models.jumps import jumping, layers_of
 from varcalc.optics.models.model import Carrier, Model
 from varcalc.optics.models.switched import SwitchedFlow
+from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, RayStatus, packed, unpacked
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry
@@ -38,6 +39,8 @@ STATUS_OF_OUTCOME = np.full(len(OUTCOMES), int(RayStatus.SINGULAR))
 """How rays ended, by the number of the outcome of their integration."""
 STATUS_OF_OUTCOME[[COMPLETED, STOPPED]] = RayStatus.ARRIVED
 STATUS_OF_OUTCOME[TOO_MANY_STEPS] = RayStatus.TOO_MANY_STEPS
+UNDER_WAY = (RayStatus.TOO_MANY_STEPS, RayStatus.INTERRUPTED)
+"""Rays that have come to no end, but perhaps to a jump."""
 MOST_CROSSINGS = 100_000
 """Heights of the table crossed by one ray."""
 SHORTEST_RUN = 1e-13
@@ -96,11 +99,14 @@ class LayeredFlow:
     dimension: int
     stops: int
 
-    def ensemble(self, states: np.ndarray, constants: np.ndarray, *, leaving: tuple[int, ...] = ()) -> Landing:
+    def ensemble(
+        self, states: np.ndarray, constants: np.ndarray, *, leaving: tuple[int, ...] = (), watch: Watch = UNWATCHED
+    ) -> Landing:
         """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
         ends = Landing.at(states, outcome=TOO_MANY_STEPS)
-        for _ in self._rounds(ends, constants, leaving):
-            pass
+        with watch.stoppable():
+            for _ in self._rounds(ends, constants, leaving, watch):
+                pass
         return ends
 
     def runs(self, state: np.ndarray, constants: np.ndarray) -> list[tuple[float, Flow, np.ndarray, np.ndarray]]:
@@ -116,7 +122,9 @@ class LayeredFlow:
             for layer in self._rounds(ends, constants[None, :], ())
         ]
 
-    def _rounds(self, ends: Landing, constants: np.ndarray, leaving: tuple[int, ...]) -> Iterator[np.ndarray]:
+    def _rounds(
+        self, ends: Landing, constants: np.ndarray, leaving: tuple[int, ...], watch: Watch = UNWATCHED
+    ) -> Iterator[np.ndarray]:
         """Carry all rays through one layer after the other, in place; the layers (m,) before each is gone through."""
         d, alive = self.dimension, np.arange(len(ends.states))
         layer, on, stuck, outside = self.table.starts(ends.states[:, d - 1], ends.states[:, 2 * d - 1])
@@ -124,19 +132,23 @@ class LayeredFlow:
         ends.outcomes[stuck], ends.outcomes[outside] = NOT_FINITE, STOPPED
         ends.stopped_by[outside] = self.stops
         alive = alive[~stuck & ~outside]
-        for _ in range(MOST_CROSSINGS):
-            yield layer
-            for number in np.unique(start[alive]):
-                rows = alive[start[alive] == number]
-                known = np.column_stack([constants[rows], self.table.constants(layer[rows])])
-                height = () if number == NONE else (int(number),)
-                landing = self.flow.ensemble(ends.states[rows], known, leaving=(*leaving, *height))
-                ends.states[rows], ends.outcomes[rows] = landing.states, landing.outcomes
-                ends.stopped_by[rows] = landing.stopped_by
-                ends.reached[rows] += landing.reached
-            alive, leaving = self._handed_on(ends, layer, start, alive), ()
+        for crossed in range(MOST_CROSSINGS):
+            if not watch.lets_on(crossed, len(alive)):
+                break
+            with watch.going(ends, alive):
+                yield layer
+                for number in np.unique(start[alive]):
+                    rows = alive[start[alive] == number]
+                    known = np.column_stack([constants[rows], self.table.constants(layer[rows])])
+                    height = () if number == NONE else (int(number),)
+                    landing = self.flow.ensemble(ends.states[rows], known, leaving=(*leaving, *height))
+                    ends.states[rows], ends.outcomes[rows] = landing.states, landing.outcomes
+                    ends.stopped_by[rows] = landing.stopped_by
+                    ends.reached[rows] += landing.reached
+                alive, leaving = self._handed_on(ends, layer, start, alive), ()
             if len(alive) == 0:
                 return
+        ends.outcomes[alive] = TOO_MANY_STEPS
 
     def _handed_on(self, ends: Landing, layer: np.ndarray, start: np.ndarray, alive: np.ndarray) -> np.ndarray:
         """Put the rays that have come to a height into the next layer; those of ``alive`` that go on."""
@@ -174,6 +186,7 @@ def runs(
     states: np.ndarray,
     constants: np.ndarray,
     waiting: dict[int, np.ndarray],
+    watch: Watch = UNWATCHED,
 ) -> Iterator[tuple[np.ndarray, Landing]]:  # fmt: skip
     """Carry rays, in place, each to its next stop; the first stops are the levels of ``surfaces``.
 
@@ -186,7 +199,11 @@ def runs(
         start, rows = waiting.popitem()
         if len(rows) == 0:
             continue
-        landing = flow.ensemble(states[rows], constants[rows], leaving=() if start == NOTHING else (start,))
+        leaving = () if start == NOTHING else (start,)
+        if isinstance(flow, LayeredFlow | GridFlow | SwitchedFlow):
+            landing = flow.ensemble(states[rows], constants[rows], leaving=leaving, watch=watch)
+        else:
+            landing = flow.ensemble(states[rows], constants[rows], leaving=leaving)
         states[rows] = landing.states
         struck = np.where(landing.outcomes == STOPPED, landing.stopped_by, NONE)
         for number in np.unique(struck[(struck != NONE) & (struck < len(surfaces))]):
@@ -222,7 +239,7 @@ class HamiltonRays:
 
     name = "Hamilton's ray equations"
 
-    def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING) -> Arrival:
+    def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING, watch: Watch = UNWATCHED) -> Arrival:
         """Carry the rays to the first surface, or to the optical path ``limit`` (m,), infinite where there is none.
 
         ``leaving`` is the number of the surface all of them start from.
@@ -241,9 +258,13 @@ class HamiltonRays:
             left = left[~self._by_path(states, limit, left, beam.deviations)]
         if len(left):  # otherwise nothing need be compiled
             flow = self.stopped_flow(beam.deviations, limited)
-            for rows, landing in runs(flow, self.surfaces, states, constants, {leaving: left}):
+            for rows, landing in runs(flow, self.surfaces, states, constants, {leaving: left}, watch):
                 struck[rows], status[rows] = self._told(landing, limited)
-        return Arrival(unpacked(states, self.dimension), struck, np.where(self._sound(states), status, SINGULAR))
+        if watch.kept and watch.stage.stopped:
+            status[status == RayStatus.TOO_MANY_STEPS] = RayStatus.INTERRUPTED
+        on_jump = np.isin(status, UNDER_WAY)  # and n² is that on one side of it
+        status = np.where(self._sound(states) | on_jump, status, SINGULAR)
+        return Arrival(unpacked(states, self.dimension), struck, status)
 
     def _by_path(self, states: np.ndarray, limit: np.ndarray, rows: np.ndarray, neighbours: int) -> np.ndarray:
         """Carry ``rows`` of the states, in place, to optical paths ``limit`` (m,); which of them have come there.
@@ -340,13 +361,15 @@ class HamiltonRays:
 
         return Leg(at, length, tuple(starts[1:].tolist()))
 
-    def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:
+    def onward(
+        self, beam: Beam, sigma: np.ndarray, path: np.ndarray, watch: Watch = UNWATCHED
+    ) -> tuple[Beam, np.ndarray]:
         """See :meth:`varcalc.optics.models.model.Carrier.onward`; in a table rays go to ``path``."""
         if self._layers is None:
             flow = self._timed_flow(beam.deviations)
             begin, none, crossed = packed(beam), np.zeros((len(beam), 0)), beam.crossed
             if isinstance(flow, SwitchedFlow):
-                landing, crossed = flow.crossing(begin, none, until=sigma, crossed=crossed)
+                landing, crossed = flow.crossing(begin, none, until=sigma, crossed=crossed, watch=watch)
             else:
                 landing = flow.ensemble(begin, none, until=sigma)
             there = (landing.outcomes == COMPLETED) & (np.abs(landing.reached - sigma) <= SAME_SIGMA * sigma)
@@ -374,12 +397,16 @@ class HamiltonRays:
         """Whether the index jumps inside the medium, so that neighbouring rays may part."""
         return jumping(self.medium, self.dimension)
 
-    def crossed(self, beam: Beam, limit: np.ndarray) -> np.ndarray:
-        """What rays have come through (m,) at optical paths ``limit`` (m,), whatever surfaces there are: see `Beam`."""
+    def crossed(self, beam: Beam, limit: np.ndarray, watch: Watch = UNWATCHED) -> np.ndarray:
+        """What rays have come through (m,) at optical paths ``limit`` (m,), whatever surfaces there are: see `Beam`.
+
+        Not a number for rays that the ``watch`` has not let on so far.
+        """
         flow = self._unhindered.stopped_flow(beam.deviations, True)
         if not isinstance(flow, SwitchedFlow):
             return beam.crossed
-        return flow.crossing(packed(beam), limit[:, None], crossed=beam.crossed)[1]
+        landing, crossed = flow.crossing(packed(beam), limit[:, None], crossed=beam.crossed, watch=watch)
+        return np.where(landing.outcomes == TOO_MANY_STEPS, np.nan, crossed)
 
     def _sound(self, states: np.ndarray) -> np.ndarray:
         """True (m,) for rays of which |p| = n still holds."""
@@ -422,12 +449,13 @@ class HamiltonRays:
     def _told(self, landing: Landing, limited: bool) -> tuple[np.ndarray, np.ndarray]:
         """What a landing says: the surfaces struck, and the status of each ray."""
         status = STATUS_OF_OUTCOME[landing.outcomes]
-        end = landing.stopped_by == len(self.surfaces)  # the limit, or the far sphere
+        stop = np.where(landing.outcomes == STOPPED, landing.stopped_by, NONE)
+        end = stop == len(self.surfaces)  # the limit, or the far sphere
         if not limited:
             status[end] = RayStatus.MISSED
-        outside = landing.stopped_by > len(self.surfaces)
+        outside = stop > len(self.surfaces)
         status[outside] = RayStatus.OUTSIDE
-        return np.where(end | outside, NOTHING, landing.stopped_by), status
+        return np.where(end | outside, NOTHING, stop), status
 
     def stopped_flow(self, neighbours: int, limited: bool) -> RayFlow:
         """The compiled system; its last stop is the limit of the optical path, or a sphere far away."""

@@ -7,7 +7,7 @@ it go its neighbours, whom the surface bends otherwise. No step goes over a kink
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
@@ -20,6 +20,7 @@ from varcalc.integrators import Flow, Landing
 from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression, Field, Medium
 from varcalc.optics.models.equations import force, ray_rates
+from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.optics.rays.beam import at_surface, packed, unpacked
 from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.symbolic.sides import ExpressionOnSide, Sides
@@ -134,20 +135,21 @@ class SwitchedFlow:
 
     def ensemble(
         self, states: np.ndarray, constants: np.ndarray, *, until: np.ndarray | float = np.inf,
-        leaving: tuple[int, ...] = (),
+        leaving: tuple[int, ...] = (), watch: Watch = UNWATCHED,
     ) -> Landing:  # fmt: skip
         """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
-        return self.crossing(states, constants, until=until, leaving=leaving)[0]
+        return self.crossing(states, constants, until=until, leaving=leaving, watch=watch)[0]
 
     def crossing(
         self, states: np.ndarray, constants: np.ndarray, *, until: np.ndarray | float = np.inf,
-        leaving: tuple[int, ...] = (), crossed: np.ndarray | None = None,
+        leaving: tuple[int, ...] = (), crossed: np.ndarray | None = None, watch: Watch = UNWATCHED,
     ) -> tuple[Landing, np.ndarray]:  # fmt: skip
         """The same, and what runs have come through (m,) after what they had ``crossed``: see :class:`Beam`."""
         ends = Landing.at(states, outcome=TOO_MANY_STEPS)
         way = np.zeros(len(states)) if crossed is None else np.array(crossed)
-        for _ in self._rounds(ends, constants, until, leaving, way):
-            pass
+        with watch.stoppable():
+            for _ in self._rounds(ends, constants, until, leaving, way, watch):
+                pass
         return ends, way
 
     def runs(self, state: np.ndarray, constants: np.ndarray) -> list[tuple[float, Flow, np.ndarray, np.ndarray]]:
@@ -203,40 +205,53 @@ class SwitchedFlow:
         until: np.ndarray | float,
         leaving: tuple[int, ...],
         crossed: np.ndarray,
+        watch: Watch = UNWATCHED,
     ) -> Iterator[SmoothRuns]:
         """Carry all rays through one piece after the other, in place; each is told before rays leave it."""
         m = len(ends.states)
         last = np.array(np.broadcast_to(np.asarray(until, dtype=float), (m,)))
         alive = np.arange(m)
         sides = self._sides(ends.states)
-        for _ in range(MOST_CROSSINGS):
-            begun, first = ends.reached[alive], ends.states[alive]
-            alike = _alike(sides[alive], alive)
-            for key, rows in alike:
-                region = self._region(key)
-                for standing, some in _alike(self._on_ends(region, ends.states[rows]), rows):
-                    on = tuple(int(k) + self._own for k in np.flatnonzero(standing))
-                    landing = region.flow.ensemble(
-                        ends.states[some], region.given(constants[some]),
-                        until=np.maximum(last[some] - ends.reached[some], 0.0), leaving=(*leaving, *on),
-                    )  # fmt: skip
-                    ends.states[some], ends.outcomes[some] = landing.states, landing.outcomes
-                    ends.stopped_by[some] = landing.stopped_by
-                    done = landing.outcomes == COMPLETED  # the sum of the parts is not told so well
-                    ends.reached[some] = np.where(done, last[some], ends.reached[some] + landing.reached)
-            yield SmoothRuns(alive, sides[alive], begun, first, ends.states[alive])
-            following, going = sides.copy(), []
-            for key, rows in alike:
-                region = self._region(key)
-                here = rows[(ends.outcomes[rows] == STOPPED) & (ends.stopped_by[rows] >= self._own)]
-                for end in np.unique(ends.stopped_by[here]) - self._own:
-                    going.append(here[ends.stopped_by[here] == end + self._own])
-                    self._cross(ends, following, region, int(end), going[-1], crossed)
+        for number in range(MOST_CROSSINGS):
+            if not watch.lets_on(number, len(alive)):
+                return
+            with watch.going(ends, alive):
+                begun, first = ends.reached[alive], ends.states[alive]
+                alike = [(self._region(key), rows) for key, rows in _alike(sides[alive], alive)]
+                self._to_ends(ends, alike, constants, last, leaving)
+                yield SmoothRuns(alive, sides[alive], begun, first, ends.states[alive])
+                following, going = sides.copy(), []
+                for region, rows in alike:
+                    here = rows[(ends.outcomes[rows] == STOPPED) & (ends.stopped_by[rows] >= self._own)]
+                    for end in np.unique(ends.stopped_by[here]) - self._own:
+                        going.append(here[ends.stopped_by[here] == end + self._own])
+                        self._cross(ends, following, region, int(end), going[-1], crossed)
             alive, leaving, sides = np.concatenate([alive[:0], *going]), (), following
             alive = alive[ends.outcomes[alive] != NOT_FINITE]
             if len(alive) == 0:
                 return
             ends.outcomes[alive] = TOO_MANY_STEPS
+
+    def _to_ends(
+        self, ends: Landing, alike: Sequence[tuple[Region, np.ndarray]], constants: np.ndarray, last: np.ndarray,
+        leaving: tuple[int, ...],
+    ) -> None:  # fmt: skip
+        """Carry rays to the ends of their regions, in place: those of one flow and off the same stops together."""
+        together: dict[tuple[int, tuple[int, ...]], list[tuple[Region, np.ndarray]]] = {}
+        for region, rows in alike:
+            for standing, some in _alike(self._on_ends(region, ends.states[rows]), rows):
+                on = tuple(int(k) + self._own for k in np.flatnonzero(standing))
+                together.setdefault((id(region.flow), on), []).append((region, some))
+        for (_, on), parts in together.items():
+            some = np.concatenate([rows for _, rows in parts])
+            landing = parts[0][0].flow.ensemble(
+                ends.states[some], np.concatenate([region.given(constants[rows]) for region, rows in parts]),
+                until=np.maximum(last[some] - ends.reached[some], 0.0), leaving=(*leaving, *on),
+            )  # fmt: skip
+            ends.states[some], ends.outcomes[some] = landing.states, landing.outcomes
+            ends.stopped_by[some] = landing.stopped_by
+            done = landing.outcomes == COMPLETED  # the sum of the parts is not told so well
+            ends.reached[some] = np.where(done, last[some], ends.reached[some] + landing.reached)
 
     def _sides(self, states: np.ndarray) -> np.ndarray:
         """On which sides (m, switches) rays start: of the ends on which they stand, on that to which they go.
@@ -288,9 +303,11 @@ class SwitchedFlow:
         for key, some in _alike(beyond, np.arange(len(rows))):
             here, part, there = rows[some], beam.take(some), self._region(key).field
             out, total = at_surface(part, region.ends[end], region.field, _levelled(region.field, there), mirror=False)
-            back = np.flatnonzero(total)
-            mirrored = at_surface(part.take(back), region.ends[end], region.field, region.field, mirror=True)[0]
-            ends.states[here], ends.states[here[back]] = packed(out), packed(mirrored)
+            ends.states[here] = packed(out)
+            if np.any(total):
+                back = np.flatnonzero(total)
+                mirrored = at_surface(part.take(back), region.ends[end], region.field, region.field, mirror=True)[0]
+                ends.states[here[back]] = packed(mirrored)
             ends.outcomes[here[~np.isfinite(there(part.position)[0])]] = NOT_FINITE
             sides[here[~total]] = key
             number = place + 1

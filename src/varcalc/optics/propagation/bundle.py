@@ -12,12 +12,13 @@ from varcalc.axes import Axis, measured, unit_of_length
 from varcalc.optics import validation
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.models.model import Model
+from varcalc.optics.models.watch import Watch
 from varcalc.optics.propagation.sequential import Propagator
 from varcalc.optics.rays.beam import RayStatus, launched, spreading
 from varcalc.optics.rays.tube import RayTube
 from varcalc.optics.surfaces import Surface
 from varcalc.problem.conditions import truth
-from varcalc.progress import Progress, telling
+from varcalc.progress import Interrupted, Progress, Stage, telling
 from varcalc.showing import Fact, Plotted, counted, line
 
 
@@ -114,7 +115,11 @@ class Starts:
 
 
 def traced(propagator: Propagator, starts: Starts, *, with_spreading: bool, progress: Progress) -> Bundle:
-    """The ends of all rays; ``progress`` is told of them."""
+    """The ends of all rays; ``progress`` is told of them.
+
+    Ctrl-C raises :class:`Interrupted` with the bundle, in which rays that have not come to an end are at the last place
+    known.
+    """
     truth("with_spreading", with_spreading)
     m, d = starts.points.shape
     bundle = Bundle(
@@ -126,20 +131,38 @@ def traced(propagator: Propagator, starts: Starts, *, with_spreading: bool, prog
         ),
     )  # fmt: skip
     parts = [slice(first, min(first + validation.CHUNK, m)) for first in range(0, m, validation.CHUNK)]
+    carried = 0
     with telling(progress, "rays") as told:
-        for part in parts:
-            told(part.start, m)
-            _carry(propagator, starts, bundle, part)
-        told(m, m)
+        stage = Stage(lambda done, what: told(done, m, what))
+        with stage.stoppable():
+            for part in parts:
+                told(part.start, m)
+                _carry(propagator, starts, bundle, part, Watch(stage.later(part.start), kept=True))
+                carried = part.stop
+                if stage.stopped:
+                    break
+            else:
+                told(m, m)
+    if stage.stopped:
+        _not_begun(starts, bundle, slice(carried, m))
+        raise Interrupted(bundle)
     return bundle
 
 
-def _carry(propagator: Propagator, starts: Starts, bundle: Bundle, part: slice) -> None:
+def _not_begun(starts: Starts, bundle: Bundle, part: slice) -> None:
+    """Rays that nobody has carried, where they start."""
+    bundle.points[part], bundle.directions[part] = starts.points[part], starts.directions[part]
+    bundle.optical_path[part], bundle.status[part] = 0.0, RayStatus.INTERRUPTED
+    if bundle.spreading is not None:
+        bundle.spreading[part] = 0.0
+
+
+def _carry(propagator: Propagator, starts: Starts, bundle: Bundle, part: slice, watch: Watch) -> None:
     """A part of the rays to their ends, which the bundle takes up."""
     beam = launched(
         starts.points[part], starts.directions[part], starts.index[part], neighbours=bundle.spreading is not None
     )
-    end, status = propagator.ends(beam, starts.limit[part], starts.on_stop[part])
+    end, status = propagator.ends(beam, starts.limit[part], starts.on_stop[part], watch)
     bundle.points[part], bundle.optical_path[part], bundle.status[part] = end.position, end.optical_path, status
     bundle.directions[part] = end.momentum / np.linalg.norm(end.momentum, axis=1)[:, None]
     if bundle.spreading is not None:

@@ -20,6 +20,7 @@ from varcalc.optics.models.linear import Linear
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.models.parabolas import Parabolas
 from varcalc.optics.models.straight import Straight
+from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.optics.rays.beam import (
     AT_END,
     NOTHING,
@@ -37,7 +38,7 @@ from varcalc.optics.validation import by_chunks
 
 MOST_KEPT = 16
 """Ends of bundles for which compiled systems are kept."""
-NOT_FOLLOWED = (RayStatus.SINGULAR, RayStatus.TOO_MANY_STEPS)
+NOT_FOLLOWED = (RayStatus.SINGULAR, RayStatus.TOO_MANY_STEPS, RayStatus.INTERRUPTED)
 """Rays that end so cannot be followed a second time to where they ended."""
 STEP_TO_END = 1e-12
 """Of the rest of a leg: a step so little shorter goes to its end."""
@@ -156,7 +157,9 @@ class Propagator:
         """The models in use."""
         return ", ".join(dict.fromkeys(model.name for model in self.models))
 
-    def passages(self, rays: UnderWay, limit: np.ndarray, media: int | None = None) -> Iterator[MediumPassage]:
+    def passages(
+        self, rays: UnderWay, limit: np.ndarray, media: int | None = None, watch: Watch = UNWATCHED
+    ) -> Iterator[MediumPassage]:
         """Carry ``rays``, in place, through the first ``media`` media, or all of them, and the surfaces behind them.
 
         They end at the optical path ``limit`` (m,), where there is one, at ``until``, or where their status says.
@@ -164,7 +167,7 @@ class Propagator:
         for number in range(len(self.media) if media is None else media):
             rows, every = rays.rows, len(rays.rows) == len(rays.status)
             entry = rays.beam if every else rays.beam.take(rows)
-            arrival = self._through(number, entry, limit[rows], rays.leaving[rows])
+            arrival = self._through(number, entry, limit[rows], rays.leaving[rows], watch)
             if every:
                 rays.beam = arrival.beam
             else:
@@ -178,31 +181,33 @@ class Propagator:
                 self._cross(rays, number)
             yield MediumPassage(number, rows, entry, arrival.beam)
 
-    def ends(self, beam: Beam, limit: np.ndarray, starts_at_stop: np.ndarray) -> tuple[Beam, np.ndarray]:
+    def ends(
+        self, beam: Beam, limit: np.ndarray, starts_at_stop: np.ndarray, watch: Watch = UNWATCHED
+    ) -> tuple[Beam, np.ndarray]:
         """The ends of the rays and their status; ``starts_at_stop`` (m,) marks rays that start on ``until``.
 
         Those that come to the optical path ``limit`` (m,) before they come to ``until`` have missed it.
         """
         rays = UnderWay.started(beam, np.where(starts_at_stop, self.stop, NOTHING))
-        for _ in self.passages(rays, limit):
+        for _ in self.passages(rays, limit, watch=watch):
             pass
         if self.until is not None:
             rays.status[(rays.status == RayStatus.ARRIVED) & (rays.struck != self.stop)] = RayStatus.MISSED
         return rays.beam, rays.status
 
-    def into_last_medium(self, beam: Beam, limit: np.ndarray) -> UnderWay:
+    def into_last_medium(self, beam: Beam, limit: np.ndarray, watch: Watch = UNWATCHED) -> UnderWay:
         """The rays where they enter the last medium, or end before."""
         rays = UnderWay.started(beam)
         rays.behind = np.full((len(beam), len(self.surfaces), 2), np.nan)
-        for _ in self.passages(rays, limit, len(self.surfaces)):
+        for _ in self.passages(rays, limit, len(self.surfaces), watch):
             pass
         return rays
 
-    def followed(self, beam: Beam, path: float) -> tuple[list[Leg], RayStatus]:
+    def followed(self, beam: Beam, path: float, watch: Watch = UNWATCHED) -> tuple[list[Leg], RayStatus]:
         """The legs of one ray, with its neighbours, up to the optical path ``path``; and how it ended."""
         rays = UnderWay.started(beam)
         legs = []
-        for passage in self.passages(rays, np.full(1, path)):
+        for passage in self.passages(rays, np.full(1, path), watch=watch):
             if rays.status[0] not in NOT_FOLLOWED:
                 model, end = self.models[passage.number], passage.exit.optical_path[0]
                 legs.append(model.leg(passage.entry, float(end)))
@@ -275,26 +280,30 @@ class Propagator:
             rows, beam, share = rows[keep], beam.take(keep), share[keep]
         return count
 
-    def _through(self, number: int, beam: Beam, limit: np.ndarray, leaving: np.ndarray) -> Arrival:
+    def _through(self, number: int, beam: Beam, limit: np.ndarray, leaving: np.ndarray, watch: Watch) -> Arrival:
         """Carry rays through medium ``number`` to the first surface, on all cores."""
         surfaces = np.unique(leaving)
         if len(surfaces) == 1:
-            return self._spread(number, beam, limit, int(surfaces[0]))
+            return self._spread(number, beam, limit, int(surfaces[0]), watch)
         empty = np.zeros(len(beam), dtype=int)
         whole = Arrival(beam.take(np.arange(len(beam))), empty, empty.copy())
         for surface in surfaces:
             rows = np.flatnonzero(leaving == surface)
-            whole.put(rows, self._spread(number, beam.take(rows), limit[rows], int(surface)))
+            whole.put(rows, self._spread(number, beam.take(rows), limit[rows], int(surface), watch))
         return whole
 
-    def _spread(self, number: int, beam: Beam, limit: np.ndarray, leaving: int) -> Arrival:
+    def _spread(self, number: int, beam: Beam, limit: np.ndarray, leaving: int, watch: Watch) -> Arrival:
         """The same for rays that all start from the surface ``leaving``, or from none."""
         parts: dict[int, Arrival] = {}
+        model = self.models[number]
 
         def carry(part: slice) -> None:
-            parts[part.start] = self.models[number].advance(beam.take(part), limit[part], leaving)
+            if isinstance(model, HamiltonRays):
+                parts[part.start] = model.advance(beam.take(part), limit[part], leaving, watch)
+            else:
+                parts[part.start] = model.advance(beam.take(part), limit[part], leaving)
 
-        integrators.spread(carry, len(beam))
+        integrators.spread(carry, len(beam), watch.stoppable)
         return parts[0] if len(parts) == 1 else Arrival.joined([parts[first] for first in sorted(parts)])
 
     def _cross(self, rays: UnderWay, number: int) -> None:

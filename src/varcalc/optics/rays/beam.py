@@ -58,6 +58,7 @@ class RayStatus(IntEnum):
     SINGULAR = 4
     OUTSIDE = 5
     TOO_MANY_STEPS = 6
+    INTERRUPTED = 7
 
     @property
     def message(self) -> str:
@@ -73,6 +74,7 @@ MESSAGES = {
     RayStatus.SINGULAR: "the index is not a positive number, or infinite, where the ray has come to",
     RayStatus.OUTSIDE: "the ray has left the table of the medium",
     RayStatus.TOO_MANY_STEPS: "the ray was followed for as many steps as are allowed, without an end",
+    RayStatus.INTERRUPTED: "the call was stopped before the ray came to an end",
 }
 
 

@@ -24,7 +24,7 @@ from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.optics.validation import point
 from varcalc.problem.conditions import functions, positive, real, text, whole
-from varcalc.progress import Interrupted, Progress, telling
+from varcalc.progress import Interrupted, Progress, Stage, telling
 from varcalc.showing import Plotted, Shown, counted
 from varcalc.spelling import spelled
 from varcalc.tables import shown, table
@@ -100,24 +100,33 @@ class Study(Shown):
         """
         parts: list[Any] = [[], None, []]
         steps = self._tubes, self._arrivals, self._fronts
+        number = 0
         with telling(progress, self.title or "study") as told:
+
+            def tell(what: str) -> None:
+                told(number, len(steps), ", ".join(filter(None, (("rays", "arrivals", "wavefronts")[number], what))))
+
             try:
-                for number, (what, step) in enumerate(zip(("rays", "arrivals", "wavefronts"), steps, strict=True)):
-                    told(number, len(steps), what)
-                    parts[number] = step()
+                for number, step in enumerate(steps):
+                    tell("")
+                    parts[number] = step(tell)
             except KeyboardInterrupt as stop:
-                if isinstance(stop, Interrupted):
-                    parts[0] = stop.known
+                if isinstance(stop, Interrupted) and number < len(steps) - 1:  # of a bundle there is no front
+                    parts[number] = stop.known
                 raise Interrupted(self._seen(*parts)) from stop
         return self._seen(*parts)
 
-    def _tubes(self) -> list[RayTube]:
-        return ray_tubes(self.scene, self.source, self.rays, self.optical_path)
+    def _tubes(self, tell: Callable[[str], None]) -> list[RayTube]:
+        def followed(done: int, what: str) -> None:
+            tell(", ".join(filter(None, (f"{done} followed", what))))
 
-    def _arrivals(self) -> Rays | None:
+        return ray_tubes(self.scene, self.source, self.rays, self.optical_path, Stage(followed))
+
+    def _arrivals(self, tell: Callable[[str], None]) -> Rays | None:
         if self.receiver is None:
             return None
-        return self.scene.rays(self.source.starts(1)[0][0], self.receiver, within=self.within)
+        start = self.source.starts(1)[0][0]
+        return self.scene.rays(start, self.receiver, within=self.within, progress=lambda *told: tell(told[2]))
 
     def _seen(self, tubes: Sequence[RayTube], arrivals: Rays | None, fronts: Sequence[Wavefront]) -> Seen:
         return Seen(
@@ -136,10 +145,13 @@ class Study(Shown):
         """
         return {name: real(f"Study.known[{name!r}]", missed(self.scene)) for name, missed in self.known.items()}
 
-    def _fronts(self) -> list[Wavefront]:
+    def _fronts(self, tell: Callable[[str], None]) -> list[Wavefront]:
         rays = _denser(self.rays)
         steps = self.optical_path * np.arange(1, self.wavefronts + 1) / self.wavefronts if self.wavefronts else []
-        return [wavefront(self.scene, self.source, rays, float(path)) for path in steps]
+        return [
+            wavefront(self.scene, self.source, rays, float(path), progress=lambda *told: tell(told[2]))
+            for path in steps
+        ]
 
 
 @dataclass(frozen=True)

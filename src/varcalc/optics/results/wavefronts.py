@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.optics.media.medium import Field
+from varcalc.optics.models.watch import Watch
 from varcalc.optics.propagation.sequential import Propagator
 from varcalc.optics.rays.beam import RayStatus
 from varcalc.optics.rays.sources import Source
@@ -24,7 +25,7 @@ from varcalc.optics.rays.tube import RayTube
 from varcalc.optics.scene import Scene
 from varcalc.optics.validation import number, positive
 from varcalc.problem.conditions import reals
-from varcalc.progress import Interrupted
+from varcalc.progress import Interrupted, Progress, Stage
 from varcalc.showing import Shown
 from varcalc.spelling import spelled
 
@@ -83,7 +84,7 @@ class Caustic(Shown):
 
 
 @spelled
-def wavefront(scene: Scene, source: Source, rays: Any, optical_path: float) -> Wavefront:
+def wavefront(scene: Scene, source: Source, rays: Any, optical_path: float, *, progress: Progress = None) -> Wavefront:
     """The wavefront of a source at an optical path.
 
     Raises TypeError or ValueError for a source on a surface, where the index is not positive, or of another dimension
@@ -98,6 +99,8 @@ def wavefront(scene: Scene, source: Source, rays: Any, optical_path: float) -> W
         Which rays of the source: see there.
     optical_path : float
         In units of length; divided by the speed of light in vacuum it is the time since the wave left.
+    progress : callable or bool, optional
+        As for :meth:`Scene.trace`, and so is what Ctrl-C raises.
 
     Returns
     -------
@@ -115,7 +118,8 @@ def wavefront(scene: Scene, source: Source, rays: Any, optical_path: float) -> W
     True
     """
     points, directions = _started(scene, source, rays)
-    bundle = scene.trace(points, directions, optical_path=number("optical_path", optical_path))
+    path = number("optical_path", optical_path)
+    bundle = scene.trace(points, directions, optical_path=path, progress=progress)
     return Wavefront(bundle.points, bundle.directions, float(optical_path), bundle.status)
 
 
@@ -194,8 +198,14 @@ def _started(scene: Any, source: Any, rays: Any) -> tuple[np.ndarray, np.ndarray
     return source.starts(rays)
 
 
-def ray_tubes(scene: Scene, source: Source, rays: Any, optical_path: float) -> list[RayTube]:
-    """Several rays of a source, each as :func:`ray_tube` gives it; arguments and errors are those of `wavefront`."""
+def ray_tubes(
+    scene: Scene, source: Source, rays: Any, optical_path: float, stage: Stage | None = None
+) -> list[RayTube]:
+    """Several rays of a source, each as :func:`ray_tube` gives it; arguments and errors are those of `wavefront`.
+
+    A ``stage`` is told of them. Ctrl-C raises :class:`Interrupted`, which holds those that were followed by then.
+    """
+    stage = stage or Stage()
     points, directions = _started(scene, source, rays)
     scene.trace(points, directions, optical_path=0.0)  # goes nowhere, but refuses what cannot be traced
     positive("optical_path", optical_path)
@@ -205,7 +215,9 @@ def ray_tubes(scene: Scene, source: Source, rays: Any, optical_path: float) -> l
     tubes: list[RayTube] = []
     try:
         for row in range(len(beam)):
-            legs, status = propagator.followed(beam.take(np.array([row])), float(optical_path))
+            stage(row, "")
+            watch = Watch(stage.later(row))
+            legs, status = propagator.followed(beam.take(np.array([row])), float(optical_path), watch)
             tubes.append(RayTube(status, legs))
     except KeyboardInterrupt as stop:
         raise Interrupted(tubes) from stop
