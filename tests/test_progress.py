@@ -171,6 +171,30 @@ def test_rays_that_come_to_many_jumps_tell_of_them_and_are_known_when_they_are_s
     np.testing.assert_allclose(bundle.optical_path, [3.0, 0.75 + 5 * 1.0 + 5 * 1.5], atol=1e-12)
 
 
+HEIGHTS = np.linspace(0.0, 100.0, 101)
+TABLES = {
+    "heights": optics.Tabulated(HEIGHTS, np.full(101, 1.5)),
+    "cells": optics.Graded(lambda x, y: 1.5 + 0 * x + _flat(ca.vertcat(x, y))),
+}
+
+
+def _flat(place):
+    edges = HEIGHTS.tolist()
+    return ca.interpolant("flat", "linear", [edges, edges], np.zeros(101**2).tolist())(place)
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_rays_in_tables_are_known_when_they_are_stopped(name):
+    with pytest.raises(vc.Interrupted) as stopped:
+        optics.Scene(TABLES[name]).trace(
+            (0.5, 0.25), (0.0, 1.0), optical_path=100.0, model=optics.Hamilton(), progress=AtPiece(12)
+        )
+    bundle = stopped.value.known
+    assert bundle.status.tolist() == [optics.RayStatus.INTERRUPTED]
+    np.testing.assert_allclose(bundle.points, [(0.5, 11.0)], atol=1e-12)
+    np.testing.assert_allclose(bundle.optical_path, [1.5 * 10.75], atol=1e-12)
+
+
 def test_rays_that_nobody_has_carried_are_where_they_start(monkeypatch):
     monkeypatch.setattr("varcalc.optics.validation.CHUNK", 2)
     with pytest.raises(vc.Interrupted) as stopped:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import InitVar, dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -316,59 +317,71 @@ class Geometry:
     surface : Surface
     dimension : int
         2 or 3.
+    numbers : Expression
+        Symbols (k, 1) in the level; what they are is said by :meth:`of`.
     """
 
     surface: Surface
     dimension: int
+    numbers: InitVar[Expression | None] = None
     quadric: bool = field(init=False)
     """True where the level is a polynomial of second degree along every straight line."""
     _call: PointEvaluator = field(init=False, repr=False, compare=False)
     _plain: PointEvaluator = field(init=False, repr=False, compare=False)
     _along: ca.Function = field(init=False, repr=False, compare=False)
+    _given: np.ndarray = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, numbers: Expression | None) -> None:
         position = ca.SX.sym("r", self.dimension)
+        given = ca.SX(0, 1) if numbers is None else numbers
         level = ca.SX(self.surface.level(position))
         gradient = ca.gradient(level, position)
         hessian = ca.jacobian(gradient, position)
         object.__setattr__(self, "quadric", not ca.depends_on(hessian, position))
         results = [ca.SX(self.surface.belongs(position)), level, gradient, hessian]
-        function = ca.Function("surface", [position], [ca.densify(result) for result in results])
+        function = ca.Function("surface", [position, given], [ca.densify(result) for result in results])
         object.__setattr__(self, "_call", PointEvaluator(function))
-        object.__setattr__(self, "_plain", PointEvaluator(ca.Function("level", [position], results[:2])))
+        object.__setattr__(self, "_plain", PointEvaluator(ca.Function("level", [position, given], results[:2])))
         heading = ca.SX.sym("p", self.dimension)
         slope = ca.jtimes(level, position, heading)
-        object.__setattr__(self, "_along", ca.Function("along", [position, heading], [level, slope]))
+        object.__setattr__(self, "_along", ca.Function("along", [position, heading, given], [level, slope]))
+        object.__setattr__(self, "_given", np.zeros((1, given.numel())))
+
+    def of(self, numbers: np.ndarray) -> Geometry:
+        """The same for other ``numbers`` (k,); nothing is compiled for it."""
+        other = copy(self)
+        object.__setattr__(other, "_given", numbers[None, :])
+        return other
 
     def level(self, points: np.ndarray) -> np.ndarray:
         """The level (m,) at points (m, d)."""
-        return self._call(len(points), points)[:, 1]
+        return self._call(len(points), points, self._given)[:, 1]
 
     def gradient(self, points: np.ndarray) -> np.ndarray:
         """Its gradient (m, d) at points (m, d)."""
-        return self._call(len(points), points)[:, 2 : 2 + self.dimension]
+        return self._call(len(points), points, self._given)[:, 2 : 2 + self.dimension]
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """The distance (m,) of points (m, d) from the surface, to first order; not a number where its level is none."""
-        table = self._call(len(points), points)
+        table = self._call(len(points), points, self._given)
         with np.errstate(all="ignore"):
             return np.abs(table[:, 1]) / np.linalg.norm(table[:, 2 : 2 + self.dimension], axis=1)
 
     def along(self, points: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The level and its first two derivatives (m,) along the straight lines from points (m, d)."""
         d = self.dimension
-        table = self._call(len(points), points)
+        table = self._call(len(points), points, self._given)
         slope = np.sum(table[:, 2 : 2 + d] * directions, axis=1)
         bend = np.einsum("mi,mij,mj->m", directions, table[:, 2 + d :].reshape(-1, d, d), directions)
         return table[:, 1], slope, bend
 
     def belongs(self, points: np.ndarray) -> np.ndarray:
         """True (m,) where a zero of the level at the point belongs to the surface."""
-        return self._call(len(points), points)[:, 0] > 0
+        return self._call(len(points), points, self._given)[:, 0] > 0
 
     def belonging(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What :meth:`belongs` and :meth:`level` say of points (m, d), and nothing else."""
-        table = self._plain(len(points), points)
+        table = self._plain(len(points), points, self._given)
         return table[:, 0] > 0, table[:, 1]
 
     def enclosed(self, low: np.ndarray, high: np.ndarray, directions: np.ndarray) -> tuple[Interval, Interval]:
@@ -377,6 +390,7 @@ class Geometry:
         Infinite where no enclosure is known.
         """
         boxes = [list(zip(low.T, high.T, strict=True)), list(zip(directions.T, directions.T, strict=True))]
+        boxes.append(list(zip(self._given.T, self._given.T, strict=True)))
         shape = np.shape(low[:, 0])
         found = [np.broadcast_to(end, shape) for (both,) in enclosures(self._along, boxes) for end in both]
         return (found[0], found[1]), (found[2], found[3])
@@ -384,7 +398,7 @@ class Geometry:
     def normal(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The unit normal (m, d) and its derivative by position (m, d, d), tangential part."""
         d = self.dimension
-        table = self._call(len(points), points)
+        table = self._call(len(points), points, self._given)
         gradient, hessian = table[:, 2 : 2 + d], table[:, 2 + d :].reshape(-1, d, d)
         length = np.linalg.norm(gradient, axis=1)
         normal = gradient / length[:, None]

@@ -158,6 +158,7 @@ def test_an_index_of_many_steps_is_compiled_once_and_has_the_rays_of_its_layers(
     flow.ensemble(np.array([[0.5, 0.0, 1.2, 0.9, 0.0]]), np.empty((1, 0)))
     assert len(flow._regions) > 20
     assert len({id(region.flow) for region in flow._regions.values()}) == 1
+    assert len({id(region.field._call) for region in flow._regions.values()}) == 1
 
 
 def test_a_step_that_a_whole_number_takes_away_has_no_end():

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import InitVar, dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
@@ -366,25 +367,37 @@ class Field:
     medium : Medium
     dimension : int
         2 or 3.
+    numbers : Expression
+        Symbols (k, 1) in n²; what they are is said by :meth:`of`.
     """
 
     medium: Medium
     dimension: int
+    numbers: InitVar[Expression | None] = None
     _call: PointEvaluator = field(init=False, repr=False, compare=False)
+    _given: np.ndarray = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, numbers: Expression | None) -> None:
         position = ca.SX.sym("r", self.dimension)
+        given = ca.SX(0, 1) if numbers is None else numbers
         squared = self.medium.squared_index(position)
         gradient = ca.gradient(squared, position)
         results = [squared, gradient, ca.jacobian(gradient, position), ca.SX(self.medium.index(position))]
-        function = ca.Function("field", [position], [ca.densify(result) for result in results])
+        function = ca.Function("field", [position, given], [ca.densify(result) for result in results])
         object.__setattr__(self, "_call", PointEvaluator(function))
+        object.__setattr__(self, "_given", np.zeros((1, given.numel())))
+
+    def of(self, numbers: np.ndarray) -> Field:
+        """The field for other ``numbers`` (k,); nothing is compiled for it."""
+        other = copy(self)
+        object.__setattr__(other, "_given", numbers[None, :])
+        return other
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """n² (m,), its gradient (m, d) and its Hessian matrix (m, d, d) at points (m, d)."""
-        table, d = self._call(len(points), points), self.dimension
+        table, d = self._call(len(points), points, self._given), self.dimension
         return table[:, 0], table[:, 1 : 1 + d], table[:, 1 + d : -1].reshape(-1, d, d)
 
     def index(self, points: np.ndarray) -> np.ndarray:
         """n (m,) at points (m, d); not a number where it is not real."""
-        return self._call(len(points), points)[:, -1]
+        return self._call(len(points), points, self._given)[:, -1]

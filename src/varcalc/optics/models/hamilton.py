@@ -134,7 +134,7 @@ class LayeredFlow:
         alive = alive[~stuck & ~outside]
         for crossed in range(MOST_CROSSINGS):
             if not watch.lets_on(crossed, len(alive)):
-                break
+                return
             with watch.going(ends, alive):
                 yield layer
                 for number in np.unique(start[alive]):
@@ -146,9 +146,9 @@ class LayeredFlow:
                     ends.stopped_by[rows] = landing.stopped_by
                     ends.reached[rows] += landing.reached
                 alive, leaving = self._handed_on(ends, layer, start, alive), ()
+                ends.outcomes[alive] = TOO_MANY_STEPS
             if len(alive) == 0:
                 return
-        ends.outcomes[alive] = TOO_MANY_STEPS
 
     def _handed_on(self, ends: Landing, layer: np.ndarray, start: np.ndarray, alive: np.ndarray) -> np.ndarray:
         """Put the rays that have come to a height into the next layer; those of ``alive`` that go on."""
@@ -242,7 +242,8 @@ class HamiltonRays:
     def advance(self, beam: Beam, limit: np.ndarray, leaving: int = NOTHING, watch: Watch = UNWATCHED) -> Arrival:
         """Carry the rays to the first surface, or to the optical path ``limit`` (m,), infinite where there is none.
 
-        ``leaving`` is the number of the surface all of them start from.
+        ``leaving`` is the number of the surface all of them start from. A ``watch`` goes with them over kinks, jumps
+        and knots.
         """
         states = packed(beam)
         struck = np.full(len(beam), NOTHING)

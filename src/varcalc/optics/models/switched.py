@@ -8,7 +8,7 @@ it go its neighbours, whom the surface bends otherwise. No step goes over a kink
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
 
@@ -84,6 +84,14 @@ class Region:
     flow: Flow
     counts: np.ndarray
 
+    def of(self, piece: ExpressionOnSide) -> Region:
+        """That of another piece which differs by whole numbers alone; nothing is compiled for it."""
+        counts = np.array(piece.counts)
+        return replace(
+            self, piece=piece, field=self.field.of(counts), ends=tuple(end.of(counts) for end in self.ends),
+            counts=counts,
+        )  # fmt: skip
+
     def given(self, constants: np.ndarray) -> np.ndarray:
         """What the flow takes, from the caller's ``constants`` (..., c)."""
         return np.concatenate([constants, np.broadcast_to(self.counts, (*constants.shape[:-1], len(self.counts)))], -1)
@@ -113,7 +121,7 @@ class SwitchedFlow:
     stops: UserStops
     constants: int
     _regions: dict[tuple[int, ...], Region] = field(default_factory=dict, init=False, repr=False)
-    _kinds: dict[tuple[int, ...], Flow] = field(default_factory=dict, init=False, repr=False)
+    _kinds: dict[tuple[int, ...], Region] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def _position(self) -> Expression:
@@ -173,22 +181,20 @@ class SwitchedFlow:
             return self._regions[key]
 
     def _made(self, key: tuple[int, ...]) -> Region:
-        """The piece on the sides ``key``; the flows of those that differ by whole numbers alone are one."""
-        d, position = self.dimension, self._position
+        """The piece on the sides ``key``; what is compiled for those that differ by whole numbers alone is one."""
         piece, kind = self._pieces.piece(key), self._pieces.kind(key)
-        surfaces = tuple(Geometry(EndOfPiece(end, position), d) for end in piece.ends)
-        squared = Field(OnePiece(piece.expression, position), d)
-        if kind is not None and self._pieces.stepped:
-            alike = self._pieces.piece(key, counted=True)
-            # where a whole number is zero, less may hang on the position than where it is not
-            if [place for place, _ in alike.beyond] == [place for place, _ in piece.beyond]:
-                if kind not in self._kinds:
-                    self._kinds[kind] = self._compiled(alike, self._pieces.counts)
-                return Region(piece, squared, surfaces, self._kinds[kind], np.array(alike.counts))
-        return Region(piece, squared, surfaces, self._compiled(piece, ca.SX(0, 1)), np.empty(0))
+        if kind is None or not self._pieces.stepped:
+            return self._compiled(piece, ca.SX(0, 1))
+        alike = self._pieces.piece(key, counted=True)
+        # where a whole number is zero, less may hang on the position than where it is not
+        if [place for place, _ in alike.beyond] != [place for place, _ in piece.beyond]:
+            return self._compiled(piece, ca.SX(0, 1))
+        if kind not in self._kinds:
+            self._kinds[kind] = self._compiled(alike, self._pieces.counts)
+        return self._kinds[kind].of(alike)
 
-    def _compiled(self, piece: ExpressionOnSide, counts: Expression) -> Flow:
-        """The rays of a piece in which ``counts`` are symbols, to its ends."""
+    def _compiled(self, piece: ExpressionOnSide, counts: Expression) -> Region:
+        """A piece in which ``counts`` are symbols, with its rays to its ends."""
         d, position = self.dimension, self._position
         s, state, numbers = ca.SX.sym("s"), ca.SX.sym("Y", self._size), ca.SX.sym("c", self.constants)
         medium = OnePiece(piece.expression, position)
@@ -196,7 +202,10 @@ class SwitchedFlow:
         levels = [EndOfPiece(end, position).level(state[:d]) for end in piece.ends]
         stops = ca.vertcat(self.stops(state, numbers), *levels)
         given = [s, state, ca.vertcat(numbers, counts)]
-        return integrators.for_many().compile(ca.Function("rays", given, [rates]), ca.Function("stops", given, [stops]))
+        rays, ends = ca.Function("rays", given, [rates]), ca.Function("stops", given, [stops])
+        surfaces = tuple(Geometry(EndOfPiece(end, position), d, counts) for end in piece.ends)
+        flow = integrators.for_many().compile(rays, ends)
+        return Region(piece, Field(medium, d, counts), surfaces, flow, np.array(piece.counts))
 
     def _rounds(
         self,
@@ -226,11 +235,11 @@ class SwitchedFlow:
                     for end in np.unique(ends.stopped_by[here]) - self._own:
                         going.append(here[ends.stopped_by[here] == end + self._own])
                         self._cross(ends, following, region, int(end), going[-1], crossed)
-            alive, leaving, sides = np.concatenate([alive[:0], *going]), (), following
-            alive = alive[ends.outcomes[alive] != NOT_FINITE]
-            if len(alive) == 0:
-                return
-            ends.outcomes[alive] = TOO_MANY_STEPS
+                alive, leaving, sides = np.concatenate([alive[:0], *going]), (), following
+                alive = alive[ends.outcomes[alive] != NOT_FINITE]
+                if len(alive) == 0:
+                    return
+                ends.outcomes[alive] = TOO_MANY_STEPS
 
     def _to_ends(
         self, ends: Landing, alike: Sequence[tuple[Region, np.ndarray]], constants: np.ndarray, last: np.ndarray,

@@ -162,7 +162,8 @@ class Propagator:
     ) -> Iterator[MediumPassage]:
         """Carry ``rays``, in place, through the first ``media`` media, or all of them, and the surfaces behind them.
 
-        They end at the optical path ``limit`` (m,), where there is one, at ``until``, or where their status says.
+        They end at the optical path ``limit`` (m,), where there is one, at ``until``, or where their status says. A
+        ``watch`` goes with them from one piece of a medium to the next.
         """
         for number in range(len(self.media) if media is None else media):
             rows, every = rays.rows, len(rays.rows) == len(rays.status)
