@@ -213,3 +213,24 @@ def test_a_motion_goes_to_another_process():
     assert abs(sent.q(4 * math.sqrt(2))[0] - 1) < 1e-13
     assert abs(sent.q(2 * math.sqrt(2))[0] + 1) < 1e-13
     assert abs(sent.q(1.0)[0] - 0.5) < 1e-13
+
+
+def test_a_motion_cannot_begin_where_the_lagrangian_is_no_number():
+    """The force 1/q of ln q is one on both sides of 0."""
+    system = mechanics.System(lambda t, q, v: v**2 / 2 + ca.log(q), ["q"])
+    with pytest.raises(ValueError, match=r"L is not a number at the start, where q0 = \[-0.5\] and v0 = \[1.0\]"):
+        system.motion([-0.5], [1.0], (0.0, 1.0))
+    assert system.motion([0.5], [1.0], (0.0, 1.0)).completed
+
+
+def test_a_motion_over_jumps_without_number_is_told_of_and_ends():
+    """A body at 1e6 meets 2e6 stairs of no height."""
+    told = []
+    system = mechanics.System(lambda t, q, v: v**2 / 2 + ca.fmin(-q, ca.floor(q)), ["q"])
+    motion = system.motion([1.0], [1e6], (0.0, 2.0), progress=lambda done, total, what: told.append(done))
+    assert not motion.completed
+    assert motion.outcome is RunOutcome.TOO_MANY_STEPS
+    assert told
+    # q = 1 + 1e6 t - t²/2 under the force -1
+    t = np.linspace(0, motion.span[1], 5)
+    np.testing.assert_allclose(motion.q(t)[0], 1 + 1e6 * t - t**2 / 2, rtol=1e-12)

@@ -20,8 +20,8 @@ NO_JUMP = 1e-9
 """Relative difference of what does not jump."""
 AT_ONCE = 6
 """Switches that may turn over in one place."""
-MOST_PIECES = 100_000
-"""Of one run."""
+MOST_PIECES = 5_000
+"""Of one run: some seconds of work. A motion through more of them is carried in parts, between which it is told of."""
 
 
 @dataclass

@@ -40,7 +40,16 @@ class Moving(Declared):
     def _started(self, t: float, q0: Any, v0: Any) -> tuple[np.ndarray, np.ndarray]:
         self._check_motion()
         q, v = finite_column("q0", q0, self.n), finite_column("v0", v0, self.n)
-        return (q, v) if self._held is None else started(self._lagrange, self._held, t, q, v, self._numbers)
+        if self._held is not None:
+            q, v = started(self._lagrange, self._held, t, q, v, self._numbers)
+        if np.isnan(float(self._value(t, q, v, self._numbers))):  # its forces may be numbers all the same
+            raise ValueError(f"L is not a number at the start, where q0 = {q.tolist()} and v0 = {v.tolist()}")
+        return q, v
+
+    @cached_property
+    def _value(self) -> ca.Function:
+        """L of times, coordinates, rates and parameters."""
+        return ca.Function("L", self._lagrange.symbols.all, [self._lagrange.value])
 
     def _with_rate(self, t: float, q: np.ndarray, v: np.ndarray, duration: float) -> np.ndarray:
         """The parameters and Baumgarte's rate, from how fast the motion begins."""
