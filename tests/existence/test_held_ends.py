@@ -3,7 +3,10 @@
 import math
 
 import casadi as ca
+import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
 
 import varcalc as vc
 
@@ -88,3 +91,35 @@ def test_an_end_is_held_beside_bounds_and_kinks_that_the_curve_does_not_meet():
     solution = vc.solve(problem)
     # y = 2 x - x^2: 2 (1 - x)^2 - 2 (2 x - x^2 + 0.3)
     assert abs(solution.value - (2 / 3 - 2 * (1 - 1 / 3 + 0.3))) <= 10 * solution.error.value + 1e-13
+
+
+def test_a_kink_of_the_cost_turns_an_end_away_and_a_kink_of_the_place_holds_the_curve():
+    # down to the level, at rest on it, up again to where the momentum v^3 + v/2 is what the end costs on its lower side
+    load, level, first, pull, span = 1.577, -1.197, -0.322, 2.229, 4.0
+
+    def steep(p):
+        return max(v.real for v in np.roots([1, 0, 0.5, -p]) if abs(v.imag) < 1e-12)
+
+    def moved(p):  # in the time p / load: v dp / load
+        return quad(lambda q: steep(q) / load, 0, p, epsabs=1e-14)[0]
+
+    def summed(p):  # of L along that, with the height above the level
+        def here(q):
+            v = steep(q)
+            return (v**4 / 4 + v**2 / 4 + load * moved(q)) / load
+
+        return quad(here, 0, p, epsabs=1e-12)[0]
+
+    down = brentq(lambda p: moved(p) - (first - level), 0.1, 5, xtol=1e-14)
+    end = level + moved(pull)
+    least = summed(down) + summed(pull) + pull * (-0.03 - end)
+    assert end < -0.03
+    problem = vc.Problem(
+        lambda x, y, v: v**4 / 4 + v**2 / 4 + load * ca.fmax(0, y - level),
+        vc.Fixed(0, first),
+        vc.Free(span),
+        end_cost=lambda x0, y0, x1, y1: pull * ca.fabs(y1 + 0.03),
+    )
+    solution = vc.solve(problem)
+    assert abs(solution.value - least) < 1e-8
+    assert abs(float(solution.y(span)) - end) < 1e-6

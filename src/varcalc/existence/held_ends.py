@@ -1,4 +1,4 @@
-"""Curves whose free end a kink of its cost holds: what |y(b) - c| costs may keep the end at c.
+"""Curves whose free end a kink of its cost holds, or leaves to one side: what |y(b) - c| costs may keep the end at c.
 
 With the end given there the rest is a problem of its own. The end stays where it costs more on either side: where the
 momentum is between the rates of the cost on both (the transversality condition as an inclusion; Clarke, "Optimization
@@ -20,7 +20,8 @@ from varcalc.problem.conditions import Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
-from varcalc.symbolic.tracing import Expression
+from varcalc.symbolic.switches import held
+from varcalc.symbolic.tracing import Expression, TracedFunction
 
 ASIDE = 1e-7
 """Distance from a kink, in units of the end's ordinates, at which it is seen that an end costs more there: so little
@@ -33,7 +34,9 @@ NEWTON_STEPS_TO_SWITCH, ON_SWITCH = 20, 1e-13
 
 
 def held_at_an_end(problem: Functional, solved: Callable[[Problem], Solution]) -> Solution | None:
-    """The least curve whose free end rests on a kink of its cost, by problems that are ``solved``; None for none.
+    """The least curve whose free end a kink of its cost holds, or turns away; None where none of those has an answer.
+
+    The problems with that end given, or with one branch of its cost, are to be ``solved``.
 
     One function of first order is looked at, with its abscissae given.
     """
@@ -48,11 +51,53 @@ def held_at_an_end(problem: Functional, solved: Callable[[Problem], Solution]) -
         if len(moving) != 1 or (problem.start, problem.end)[moving[0]].fixed:
             continue
         for place, unit in _places(problem, switch.argument, ordinates[moving[0]], moving[0]):
-            held = solved(_pinned(problem, moving[0], place))
-            aside = (solved(_pinned(problem, moving[0], place + way * ASIDE * unit)) for way in (-1, 1))
-            if held.status.ok and all(_worse(other, held) for other in aside):
-                found.append(replace(held, problem=problem, extremal=None))
+            found += _at_kink(problem, moving[0], place, ASIDE * unit, solved)
     return min(found, key=lambda s: problem.sign * s.value, default=None)
+
+
+def _at_kink(
+    problem: Problem, end: int, place: float, aside: float, solved: Callable[[Problem], Solution]
+) -> Iterator[Solution]:
+    """The answer whose end is at a kink of its cost, where that holds it, or those that lie on better sides of it."""
+    resting = solved(_pinned(problem, end, place))
+    if not resting.status.ok:
+        return
+    holds = True
+    for ordinate in (place - aside, place + aside):
+        other = solved(_pinned(problem, end, ordinate))
+        holds = holds and _worse(other, resting)
+        if _worse(resting, other) and (beside := _beside(problem, end, ordinate, solved)) is not None:
+            yield beside
+    if holds:
+        yield replace(resting, problem=problem, extremal=None)
+
+
+def _beside(problem: Problem, end: int, ordinate: float, solved: Callable[[Problem], Solution]) -> Solution | None:
+    """The answer whose end is on one side of a kink of its cost, on which an ordinate is; None where it leaves that."""
+    assert problem.end_cost_expression is not None
+    (ends, cost), s = problem.end_cost_expression, problem.symbols
+    symbols = [*ends, s.parameters, s.unknowns]
+    point = _at_ends(problem, end, ordinate)
+    numbers = [problem.parameter_values, problem.unknown_guesses]
+    smooth = held([cost], symbols, [*(np.array([v]) for v in point), *numbers])[0]
+    function = ca.Function("cost", symbols, [smooth])
+    names = tuple(problem.parameters), tuple(problem.unknowns)
+    solution = solved(problem.restated(end_cost=TracedFunction(function, names)))
+    if not solution.status.ok or solution.curve is None:
+        return None
+    places = [v for x in problem.span for v in (x, float(solution.curve(np.array([x]), 0)[0, 0]))]
+    numbers[1] = np.array(list(solution.unknowns.values()))
+    stated, taken = (float(f(*places, *numbers)) for f in (ca.Function("cost", symbols, [cost]), function))
+    if abs(stated - taken) > solution.error.value + ON_SWITCH * abs(stated):
+        return None
+    return replace(solution, problem=problem, extremal=None)
+
+
+def _at_ends(problem: Problem, end: int, ordinate: float) -> list[float]:
+    """Abscissae and ordinates of both ends, one of which is given."""
+    others = [float(np.nan_to_num(side.values(1))[0]) for side in (problem.start, problem.end)]
+    others[end] = ordinate
+    return [problem.span[0], others[0], problem.span[1], others[1]]
 
 
 def _worse(other: Solution, held: Solution) -> bool:
@@ -65,8 +110,7 @@ def _places(problem: Problem, argument: Expression, ordinate: Expression, end: i
     """Ordinates of an end at which a switch of its cost is zero, and a unit of them."""
     assert problem.end_cost_expression is not None
     ends, s = problem.end_cost_expression[0], problem.symbols
-    others = [problem.start.values(1), problem.end.values(1)]
-    point = [problem.span[0], np.nan_to_num(others[0]), problem.span[1], np.nan_to_num(others[1])]
+    point = _at_ends(problem, end, 0.0)
     step = ca.Function("step", [*ends, s.parameters, s.unknowns], [argument / ca.gradient(argument, ordinate)])
     first = float(formulate(problem).start.curve(np.array([problem.span[end]]))[0, 0])
     unit = max(height(formulate(problem)), abs(first))

@@ -130,13 +130,13 @@ class Problem(Functional):
 
     def restated(
         self, start: AnyEnd | None = None, end: AnyEnd | None = None, constraints: Sequence[Constraint] | None = None,
-        breakpoints: Sequence[float] | None = None,
+        breakpoints: Sequence[float] | None = None, end_cost: Callable[..., Any] | None = None,
     ) -> Problem:  # fmt: skip
-        """The problem between other ends, under other conditions, or with other breakpoints, where they are given."""
+        """The problem with other ends, other costs of them, conditions, or breakpoints, where they are given."""
         return Problem(
             self.lagrangian, self.start if start is None else start, self.end if end is None else end,
             self.constraints if constraints is None else constraints, parameters=self.parameters,
-            unknowns=self.unknowns, end_cost=self.end_cost, order=self.order, maximise=self.maximise,
+            unknowns=self.unknowns, end_cost=end_cost or self.end_cost, order=self.order, maximise=self.maximise,
             breakpoints=self.breakpoints if breakpoints is None else breakpoints, name=self.name,
         )  # fmt: skip
 
