@@ -452,3 +452,30 @@ def test_a_slope_from_which_on_a_curve_is_stiffer_is_passed_on_the_way_from_a_ki
     )
     solution = vc.solve(problem)
     assert abs(solution.value - least) <= 10 * solution.error.value
+
+
+def test_a_valley_beside_a_bound_that_meets_no_kink_is_begun_from_its_polygon():
+    # the line between the ends, and curves near it, meet a kink that the least curve never comes to
+    hill, place, span, floor = 5.054, 0.628, 4.0, -0.05
+
+    def lagrangian(x, y, v, exp, largest):
+        pulled = v**2 / 2 - 2.528 * (0.942 - y) - hill * exp(-9.256 * ((x / span - 0.663) ** 2 + (y - place) ** 2))
+        return pulled + 2.074 * largest(0, y - 0.573)
+
+    problem = vc.Problem(
+        lambda x, y, v: lagrangian(x, y, v, ca.exp, ca.fmax),
+        vc.Fixed(0, 0.4),
+        vc.Free(span),
+        [vc.Bound(lambda x, y, v: y, lower=floor - 0.652)],
+    )
+
+    def fallen(x):
+        left = max(0.0, 1 - x / 0.93)
+        return floor - 0.652 + 1.102 * left**2, -2 * 1.102 / 0.93 * left
+
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    x = np.concatenate([0.93 * (1 + nodes) / 2, 0.93 + (span - 0.93) * (1 + nodes) / 2])
+    w = np.concatenate([0.93 * weights / 2, (span - 0.93) * weights / 2])
+    known = sum(b * lagrangian(a, *fallen(a), np.exp, max) for a, b in zip(x, w, strict=True))
+    solution = vc.solve(problem)
+    assert known - 1e-2 < solution.value < known

@@ -19,6 +19,7 @@ from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.directions import polygonal
 from varcalc.existence.held_throughout import Curve, held_throughout
 from varcalc.existence.in_pieces import FOLLOWED_TO, alike, breaking, corners, settled
+from varcalc.existence.polygons import Valley
 from varcalc.existence.rests import along_jumps, with_rests
 from varcalc.existence.rounded import Rounded, ordinates_of, points_along, rounded, sizes_at
 from varcalc.existence.upright import not_attained
@@ -138,8 +139,6 @@ def _by_polygons(
     for polygon, marks in narrow:
         if (found := _as_polygon(problem, method, tol, polygon, marks)[0]) is not None:
             return found
-    if not _shown_by_polygons(problem):
-        return None
     from varcalc.existence.least_polygons import least_polygons  # few curves come to this
 
     for valley in least_polygons(problem)[:1]:
@@ -196,6 +195,12 @@ def _as_polygon(
         if (solution := _least(problem, method, tol, curve, found, riding=riding)) is not None:
             return solution, found
     return None, found
+
+
+def meets_switches(problem: Problem, polygon: Valley) -> bool:
+    """Whether a polygon meets what is not smooth."""
+    found = crossings(problem, polygonal(polygon.x, polygon.y.T), polygon.x, problem.unknown_guesses)
+    return any(not c.switch.smooth for c in found)
 
 
 def _small_half_way(problem: Problem, curve: Curve, sizes: np.ndarray) -> list[float]:

@@ -39,7 +39,8 @@ MIXED = 1e-2
 """Share of the lesser slope from which a piece counts as mixed."""
 LEVEL = 1e-3
 """Rise of the chord, relative to its ordinates, that tells nothing of slopes."""
-PIECE_POINTS = 3
+PIECE_POINTS, POINTS_OVER_JUMPS = 3, 48
+"""Gauss points on a piece, and of the value that is told where L switches on the way."""
 IPOPT_ITERATIONS = 300
 
 
@@ -139,11 +140,12 @@ class _RelaxedProgram:
             self._bounded(constraint.interval, 1)
         self._add_bounds(rows, placed, [v * self.steep for v in slopes])
         self._w = ca.vertcat(inner, share, *slopes)
-        own = self._objective = totals[0] + added
-        if on_curve(self.problem):  # IPOPT finds no minimum on a kink
-            own = self._totals(self._rounded_off(), placed, share, steep)[0] + added
-        self._aim, self._rows = own, ca.vertcat(*rows)
-        self._value = ca.Function("J", [self._w], [self._objective])
+        self._aim = value = totals[0] + added
+        if on_curve(self.problem):
+            # IPOPT finds no minimum on a kink, and what it finds between few points may owe its value to a jump
+            self._aim = self._totals(self._rounded_off(), placed, share, steep)[0] + added
+            value = self._totals(self._values, placed, share, steep, POINTS_OVER_JUMPS)[0] + added
+        self._rows, self._value = ca.vertcat(*rows), ca.Function("J", [self._w], [value])
 
     def _bounded(self, interval: tuple[float, float], count: int) -> None:
         self._lower.append(np.full(count, interval[0]))
@@ -164,10 +166,10 @@ class _RelaxedProgram:
         numbers = self.problem.parameter_values
         return [np.zeros((0, count)), np.tile(numbers[:, None], (1, count)), np.zeros((0, count))]
 
-    def _totals(self, values: ca.Function, y: Any, share: Any, slopes: list[Any]) -> Any:
+    def _totals(self, values: ca.Function, y: Any, share: Any, slopes: list[Any], points: int = PIECE_POINTS) -> Any:
         """The functional and the levels: the integrand for both slopes along the polygon, by their shares."""
         mapped, columns = values.map(self.pieces), self._columns(self.pieces)
-        nodes, weights = gauss(PIECE_POINTS)
+        nodes, weights = gauss(points)
         widths, total = np.diff(self.x), ca.MX(0)
         for node, weight in zip(0.5 * (1 + nodes), 0.5 * weights, strict=True):
             x, at = (self.x[:-1] + node * widths)[None], (y[:-1] * (1 - node) + y[1:] * node).T

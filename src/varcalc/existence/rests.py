@@ -50,6 +50,8 @@ STRAYING = 1e-6
 """Part of the largest argument on a way by which it may lie on the other side of a kink, or beyond a bound."""
 ROUNDS_OF_RESTS = 6
 """Times that it is begun anew where rests have vanished, or where others are seen."""
+MOST_CONTACTS = 24
+"""Contacts of one curve that are treated: of one that waves across a jump by round-off there are ever more."""
 PLACES_OF_REST = 1001
 """Places of a rest between which the momentum is followed."""
 INWARDS = 1e-9
@@ -74,7 +76,7 @@ def with_rests(
     contacts = _apart(surfaces, surfaces.contacts(guess, found))
     for _ in range(ROUNDS_OF_RESTS):
         ways = None if contacts is None else _ways(problem, contacts)
-        if contacts is None or not ways:
+        if contacts is None or not ways or len(contacts) > MOST_CONTACTS:
             return None
         # a curve that strays across a kink does not say on which side it should be
         places = [surfaces.clearest(guess, way) for way in ways]

@@ -18,7 +18,7 @@ from varcalc.existence.fading import attained
 from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, IN_NARROW, has_lattice, looked_around
 from varcalc.existence.polygons import Polygon
-from varcalc.existence.refraction import refracted, smooth_or_refused
+from varcalc.existence.refraction import meets_switches, refracted, smooth_or_refused
 from varcalc.existence.upright import not_attained, upright
 from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
@@ -126,6 +126,8 @@ def _found(problem: Functional, method: Method | None, tol: float, guess: Guess,
         solution = held_at_an_end(problem, lambda pinned: _found(pinned, method, tol, None, told))
     if solution is None and guess is None and breakable(problem):
         solution = _with_corners(problem, method or LADDER[0], tol)
+        if solution is None and method is None:
+            solution = _clear_of_switches(problem, tol)
     solution = solution or _broken(problem, method or LADDER[0], tol, guess)
     smooth = solution is None
     if solution is None:
@@ -305,6 +307,22 @@ def _from_polygons(problem: Functional, tol: float, told: Told) -> Solution | No
         solution = _polished(problem, tol, method, polygon, marks)
         if solution.status.ok:
             return solution
+    return None
+
+
+def _clear_of_switches(problem: Functional, tol: float) -> Solution | None:
+    """The answer beside bounds in the valley of the least polygon, if that meets nothing that switches; None for none.
+
+    What switches on the way there from the line and bounds together keep an interior-point method busy.
+    """
+    if not (isinstance(problem, Problem) and breakable(problem) and problem.of_type(Bound)):
+        return None
+    from varcalc.existence.least_polygons import least_polygons  # few solves need them
+
+    for polygon in least_polygons(problem)[:1]:
+        if not meets_switches(problem, polygon):
+            solution = _on_mesh(problem, IN_NARROW, tol, polygon, polygon.marks)
+            return solution if solution.status.ok else None
     return None
 
 
