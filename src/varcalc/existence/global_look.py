@@ -450,7 +450,7 @@ def _by_meshes(
     sign, (rough_way, exact_way) = best.problem.sign, ways
     start = lattice.landscape.along(valley.start)
     rough = polish(rough_way, start)
-    if not rough.status.ok and math.isnan(rough.value):
+    if valley.steep and not rough.status.ok and math.isnan(rough.value):
         # a polygon as steep as a curve may be leads nowhere, nor is a coarse mesh beside it less steep
         start = _withdrawn(best, start)
         rough = polish(ACROSS[0], start)

@@ -186,7 +186,7 @@ class Valley:
     """A least polygon through some node: vertices ``x`` and ``y``, its value on the lattice; ``edge``: it leaves it.
 
     Of n functions at once ``y`` is (K + 1, n), of one (K + 1,). The curve there is held by a mesh with the ``marks``.
-    What lies ``apart`` by far less is one.
+    What lies ``apart`` by far less is one. Where slopes have bounds it may be as ``steep`` as curves can be.
     """
 
     x: np.ndarray
@@ -195,6 +195,7 @@ class Valley:
     edge: bool
     marks: tuple[float, ...] = ()
     apart: float = 0.0
+    steep: bool = False
 
     @property
     def start(self) -> Sampled:
@@ -236,7 +237,12 @@ class Valleys(Protocol):
 
 
 class Lattice:
-    """Polygons through ``nodes`` (K + 1, J), ascending ordinates at the abscissae x; ``own`` are those of a curve."""
+    """Polygons through ``nodes`` (K + 1, J), ascending ordinates at the abscissae x; ``own`` are those of a curve.
+
+    They are ``bounded`` where they lie no further apart than slopes lead that have bounds.
+    """
+
+    bounded = False
 
     def __init__(
         self, landscape: Landscape, x: np.ndarray, nodes: np.ndarray, own: np.ndarray, reach: float, steep: float
@@ -378,7 +384,8 @@ class Lattice:
         numbers = np.array(path)
         edge = bool(((numbers <= 1) | (numbers >= self.nodes.shape[1] - 2)).any())
         y = self.nodes[np.arange(len(self.x)), numbers]
-        return Valley(self.x, y, value, edge, apart=float(np.median(np.diff(self.nodes, axis=1))))
+        apart = float(np.median(np.diff(self.nodes, axis=1)))
+        return Valley(self.x, y, value, edge, apart=apart, steep=self.bounded)
 
     @cached_property
     def own_costs(self) -> np.ndarray:
@@ -492,6 +499,7 @@ class PolygonLattice(Lattice):
         extent = landscape.extent(c)
         unit = unit or _unit(landscape, x, c, extent)
         departures = _as_far_as_slopes_lead(landscape, x, c, unit, extent)
+        self.bounded = departures is not None
         if departures is None:
             side = _ever_further(unit, extent)
             departures = np.concatenate([-side[::-1], side])
