@@ -191,3 +191,20 @@ def test_a_wall_that_only_the_looks_own_points_hit():
         energy = mp.findroot(lambda e: mp.quad(lambda y: 1 / speed(y, e), marks) - 1, (mp.mpf("0.49"), mp.mpf("0.5")))
         exact = mp.quad(lambda y: speed(y, energy), marks) - energy
     assert not found.status.ok or found.value == pytest.approx(float(exact), abs=1e-9)
+
+
+def test_a_bound_is_kept_everywhere_by_an_answer_in_pieces():
+    # cosh v under a bound of the slope, with a kink of the place that is crossed twice
+    most = 1.457
+    problem = vc.Problem(
+        lambda x, y, v: (
+            ca.cosh(v) - 1.386 * ca.if_else(x > 1.024, y, 0) + 0.852 * ca.sin(2.826 * y) + 2.846 * ca.fmax(0, y + 0.084)
+        ),
+        vc.Fixed(0, 0.95),
+        vc.Free(2),
+        [vc.Bound(lambda x, y, v: v, lower=-most, upper=most)],
+        end_cost=lambda x0, y0, x1, y1: -1.621 * y1,
+    )
+    solution = vc.solve(problem)
+    slopes = solution.dy(np.linspace(0, 2, 40_001))
+    assert np.abs(slopes).max() <= most + 3e-7

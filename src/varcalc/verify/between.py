@@ -106,7 +106,7 @@ def unseen(solution: Solution) -> Unseen | None:
 
 
 def unseen_where_broken(solution: Solution) -> Unseen | None:
-    """The same of a curve that is broken, or rests, of which no method has looked: features of L and its levels alone.
+    """The same of a curve that is broken, or rests, of which no method has looked: features of L, its levels and bounds.
 
     Of each a mesh needs the edges and the middle, to be refined there.
     """
@@ -120,7 +120,8 @@ def unseen_where_broken(solution: Solution) -> Unseen | None:
     parts = max(1, -(-solution.stats.degree // LEAST_BOXES))
     inner = known.vertices[:-1, None] + np.diff(known.vertices)[:, None] * (np.arange(parts) / parts)
     finer = np.append(inner.ravel(), known.vertices[-1])
-    missed = _in_integrals(replace(known, vertices=finer), VARYING, everywhere=False)
+    finely = replace(known, vertices=finer)
+    missed = _in_integrals(finely, VARYING, everywhere=False) or _beyond_bounds(finely)
     if missed is None:
         return None
     marks, room = np.unique(missed.marks), FEATURES_APART * (form.span[1] - form.span[0])
