@@ -106,7 +106,7 @@ def unseen(solution: Solution) -> Unseen | None:
 
 
 def unseen_where_broken(solution: Solution) -> Unseen | None:
-    """The same of a curve that is broken, or rests, of which no method has looked: features of L, its levels and bounds.
+    """The same of a curve that is broken, or rests, of which no method has looked: features of L and its conditions.
 
     Of each a mesh needs the edges and the middle, to be refined there.
     """
