@@ -315,7 +315,7 @@ def _clear_of_switches(problem: Functional, tol: float) -> Solution | None:
 
     What switches on the way there from the line and bounds together keep an interior-point method busy.
     """
-    if not (isinstance(problem, Problem) and breakable(problem) and problem.of_type(Bound)):
+    if not (isinstance(problem, Problem) and breakable(problem) and any(problem.of_type(Bound))):
         return None
     from varcalc.existence.least_polygons import least_polygons  # few solves need them
 

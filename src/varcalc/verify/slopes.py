@@ -281,7 +281,7 @@ class SlopeFan:
         linear = (self.tried - self.v[:, :, None]) * self.slopes[:, :, [here]]
         excess, relative = excesses(self.values[:, :, [here]], linear, self.values)
         # where a line touches L twice, as at a corner, all terms may be nothing, but not the hill in between
-        hill = np.nanmedian(np.where(np.isfinite(excess), np.abs(excess), np.nan), axis=2, keepdims=True)
+        hill = np.median(np.where(np.isfinite(excess), np.abs(excess), 0.0), axis=2, keepdims=True)
         with np.errstate(all="ignore"):
             relative = np.where(self.allowed & (relative < 0), excess / (excess / relative + hill), 0.0)
         a, k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
