@@ -334,3 +334,18 @@ def test_a_smooth_well_that_a_light_cone_just_leads_to(depth, place):
     within, pace = depth * (1 - 2.5e-3), math.sqrt(1 - 1 / (1 + depth) ** 2)
     away = place + 3 * width
     assert solution.value < min(-1.0, -math.sqrt(1 - pace**2) * away / pace - (1 + within) * (1 - away / pace))
+
+
+@pytest.mark.parametrize("height", [1e-3, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("width", [1e-3, 1.0, 1e3])
+def test_a_well_that_bounded_slopes_lead_to_in_any_unit(height, width):
+    # as fast as may be up to the jump at half the height, at rest from there on
+    steep = height / width
+    problem = vc.Problem(
+        lambda x, y, v: (v / steep) ** 2 / 2 + ca.if_else(y < 0.5 * height, 0, -2),
+        vc.Fixed(0, 0),
+        vc.Free(width),
+        [vc.Bound(lambda x, y, v: v, lower=-steep, upper=steep)],
+    )
+    solution = vc.solve(problem)
+    assert abs(solution.value - width * (0.25 - 1)) <= 10 * solution.error.value + 1e-11 * width

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -35,10 +35,12 @@ TURN_NOISE = 1e-7
 """Change of that, relative to what is summed, that is none."""
 NEAR = np.array([1 / 16, *np.arange(1, 9) / 4.0])
 """Departures of the nodes, either way, in the problem's own unit."""
-SLOPE_DEPARTURES = 2.0 ** np.arange(-10, 20, 0.25)
+SLOPE_DEPARTURES = 4.0 ** np.arange(-20, 21)
 """Departures of the slope, in units of the problem's, at which it is seen whether slopes have bounds."""
 SLOPES_IN_REACH, MOST_IN_REACH = 6, 60
 """How many slopes lead on from a node, on the side on which there is most room, where they have; levels at most."""
+OVERFLOWING = 1e50
+"""Size of L that says that it is about to leave the range of numbers."""
 FAR, OUTWARD, REACH = 9, 1.5, 1000.0
 """How many there are further out, by what factor the first of them, and how many extents the last at least."""
 STEEPER = 0.1
@@ -521,36 +523,36 @@ def _ever_further(unit: float, extent: float) -> np.ndarray:
 def _as_far_as_slopes_lead(
     landscape: Landscape, x: np.ndarray, c: np.ndarray, unit: float, extent: float
 ) -> np.ndarray | None:
-    """Even departures, as far as a curve comes where slopes have bounds, or L is no number beyond some.
+    """Even departures, as far as a curve comes where slopes have bounds, or L is no number beyond some; None elsewhere.
 
-    None where other levels are as near together as those bounds ask for: from node to node some slopes have to lead.
+    From node to node some slopes have to lead. Where those nearby are nearer together they are among them.
     """
     steps, span = np.diff(x), float(x[-1] - x[0])
     middle, centre, slope = 0.5 * (x[1:] + x[:-1]), 0.5 * (c[1:] + c[:-1]), np.diff(c) / steps
 
-    def barred(turns: np.ndarray) -> np.ndarray:
-        return ~np.isfinite(values_of(landscape, middle[:, None], centre[:, None], slope[:, None] + turns))
+    def sizes(turns: np.ndarray) -> np.ndarray:
+        return np.abs(values_of(landscape, middle[:, None], centre[:, None], slope[:, None] + turns))
 
     turns = extent / span * SLOPE_DEPARTURES
-    down, up = (_room(partial(_turned, barred, way), turns) for way in (-1.0, 1.0))
+    down, up = _room(lambda some: sizes(-some), turns), _room(sizes, turns)
     if down is None or up is None or not (most := max(down, up)) > 0.0:
         return None
     level = most * float(steps.min()) / SLOPES_IN_REACH
-    if unit * NEAR[1] <= level:
-        return None
     # with both ends given what goes up has to come down again
     share = down * up / (down + up) if all(landscape.held) else most
     count = min(math.ceil(share * span / level), MOST_IN_REACH)
-    return level * np.concatenate([np.arange(-count, 0), np.arange(1, count + 1)])
+    side = level * np.arange(1, count + 1)
+    if unit * NEAR[1] <= level:
+        side = np.union1d(side, unit * NEAR)
+    return np.concatenate([-side[::-1], side])
 
 
-def _turned(barred: Callable[[np.ndarray], np.ndarray], way: float, turns: np.ndarray) -> np.ndarray:
-    return barred(way * turns)
+def _room(sizes: Callable[[np.ndarray], np.ndarray], turns: np.ndarray) -> float | None:
+    """The largest of ascending ``turns`` at which L is a number at some place, nearly; None where it is at the last.
 
-
-def _room(barred: Callable[[np.ndarray], np.ndarray], turns: np.ndarray) -> float | None:
-    """The largest of ascending ``turns`` that is not barred at all places, nearly; None where the last is not."""
-    beyond = barred(turns)
+    None as well where L has grown out of all numbers by then: no curve goes as far as that.
+    """
+    beyond = ~np.isfinite(sizes(turns))
     if not beyond[:, -1].all():
         return None
     # a curve may have to be as steep as it can be
@@ -560,9 +562,9 @@ def _room(barred: Callable[[np.ndarray], np.ndarray], turns: np.ndarray) -> floa
     low, high = turns[last - 1], turns[last]
     for _ in range(CLOSER):
         tried = np.linspace(low, high, CLOSER_SLOPES)
-        within = int(np.flatnonzero(~barred(tried).all(axis=0))[-1])
+        within = int(np.flatnonzero(np.isfinite(sizes(tried)).any(axis=0))[-1])
         low, high = tried[within], tried[min(within + 1, CLOSER_SLOPES - 1)]
-    return float(low)
+    return None if np.nanmin(sizes(np.array([low]))) > OVERFLOWING else float(low)
 
 
 def _unit(landscape: Landscape, x: np.ndarray, c: np.ndarray, extent: float) -> float:
