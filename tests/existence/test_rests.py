@@ -442,3 +442,52 @@ def test_a_curve_beside_a_jump_has_the_value_it_is_said_to_have():
     x = np.linspace(0, 2, 200_001)[1:-1:2]
     y, v = solution.y(x).ravel(), solution.dy(x).ravel()
     assert abs(2 * np.mean(v**2 / 2 - gain * (y > level)) - solution.value) < 1e-3
+
+
+PRICE, LIFT = 3.0, 1.0
+
+
+def under_a_step(start, end, span, rough=0.0, moving=0.0, sign=1):
+    """A body that falls off a step and is lifted against its edge from below, to stay there: V = PRICE - y, then -y.
+
+    The energy v^2/2 - V is that of rest at the edge, in coordinates that move with it. On the step v grows by LIFT.
+    """
+    at_rest = math.sqrt(2 * PRICE)
+
+    def lagrangian(x, y, v):
+        u, w = sign * (y - moving * x), sign * (v - moving)
+        return w**2 / 2 + rough * ca.fabs(w) + PRICE * ca.if_else(u > 0, 1, 0) - LIFT * u
+
+    def above(height):  # w = -(at_rest - LIFT s) at a time s before the edge
+        time = (at_rest - math.sqrt(at_rest**2 - 2 * LIFT * height)) / LIFT
+        speeds = [(at_rest**3 - (at_rest - LIFT * time) ** 3) / (6 * LIFT), PRICE * time]
+        lifted = LIFT * (at_rest * time**2 / 2 - LIFT * time**3 / 6)
+        return sum(speeds) - lifted + rough * height
+
+    first, last = vc.Fixed(0, sign * start), vc.Free(span)
+    if end is not None:
+        last = vc.Fixed(span, sign * end + moving * span)
+    return vc.Problem(lagrangian, first, last), above(start) + (0.0 if end is None else above(end))
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        under_a_step(0.5, None, 1.5),
+        under_a_step(1.0, None, 4.0),
+        under_a_step(0.5, 0.8, 3.0),
+        under_a_step(0.5, None, 2.0, rough=0.4),
+        under_a_step(0.5, 0.8, 3.0, rough=0.4),
+        under_a_step(0.5, None, 2.0, moving=0.3),
+        under_a_step(0.5, 0.8, 3.0, moving=-0.3),
+        under_a_step(0.5, 0.8, 3.0, sign=-1),
+    ],
+    ids=["down", "far", "and up", "rough", "rough and up", "moving", "moving and up", "mirrored"],
+)
+def test_a_body_stays_beside_a_jump_that_it_came_through(problem):
+    stated, exact = problem
+    found = vc.solve(stated)
+    assert abs(found.value - exact) <= found.error.value + 1e-12
+    assert found.error.value < 1e-9
+    assert not found.local
+    assert vc.verify(found).verdict is vc.Verdict.MINIMUM

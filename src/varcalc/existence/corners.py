@@ -143,6 +143,8 @@ def _sketches(problem: Problem, found: Relaxed) -> list[_Teeth]:
                 slopes.append(float(steep[k]))
                 x.append(x[-1] + width * (float(share[k]) if found.mixed[first] else 1.0))
         sketches.append(_Teeth(np.array(x), np.array(slopes)))
+    if np.array_equal(sketches[0].slopes, sketches[1].slopes):  # no run has two slopes
+        sketches.pop()
     return [teeth for teeth in sketches if 0 < len(_jumps(problem, found, teeth)) <= MOST_CORNERS]
 
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,7 @@ from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
 from varcalc.methods.ritz.steepest import ordinate_at
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.conditions import Bound
@@ -60,6 +62,13 @@ ASIDE = 1e-7
 """Slope, in units of 1 and the curve's, at which the momenta on the sides of a kink are taken."""
 SAME_SLOPE = 1e-9
 """By how much slopes that are the same differ by round-off."""
+WAYS_SUMMED, POINTS_OF_REST = 8, 12
+"""Pieces of a rest, and Gauss points on each, by which it is summed what presses it."""
+OFF_KNOWN = 1e-2
+"""Part of what a curve is off by for running beside a jump and not on it to which that is known."""
+_OfWay = TypeVar("_OfWay")
+Beside = tuple[Expression | None, Expression | None]
+"""L on the ways before a contact and after it; None for an end of the interval."""
 Way = tuple[float, float]
 """Between which abscissae a curve moves."""
 
@@ -82,6 +91,7 @@ def with_rests(
         places = [surfaces.clearest(guess, way) for way in ways]
         sides = [np.sign(surfaces.values(guess, np.array([x]))[:, 0]) for x in places]
         pieces = [surfaces.held(guess, x) for x in places]
+        contacts = [surfaces.seen(c, *_beside(problem, contacts, c, sides)) for c in contacts]
         led = way.at_contacts(partial(_moving, form, surfaces, pieces), contacts, curve, tol)
         if led is None or led[0].curve is None:
             return None
@@ -91,10 +101,12 @@ def with_rests(
         if same and following == kept:
             if not all(surfaces.holds(curve, c, _beside(problem, kept, c, pieces)) for c in kept):
                 return None
-            own, off = resampled(curve, solution.x, 2), sum(surfaces.off_by(curve, c) for c in kept)
-            error = replace(solution.error, value=solution.error.value + off)
+            own = resampled(curve, solution.x, 2)
+            off = [surfaces.off_by(curve, c, _beside(problem, kept, c, pieces)) for c in kept]
+            error = replace(solution.error, value=solution.error.value + OFF_KNOWN * sum(map(abs, off)))
+            solution = replace(solution, value=solution.value - sum(off), error=error)
             rates = surfaces.rates_known(solution.sensitivities, kept)
-            return replace(solution, method=method, curve=own, extremal=None, error=error, sensitivities=rates)
+            return replace(solution, method=method, curve=own, extremal=None, sensitivities=rates)
         contacts = _apart(surfaces, following)
     return None
 
@@ -131,6 +143,12 @@ def _apart(surfaces: _Surfaces, contacts: Sequence[Contact]) -> list[Contact] | 
         if start == end and start in (a, b) and not surfaces.ends_at(contact):
             continue
         last = merged[-1] if merged else None
+        if last is not None and surfaces.through_it(last, here) and start - last.end <= near:
+            # the curve comes to what it runs along through it, or leaves it so
+            run, crossing = (here, last.start) if last.start == last.end else (last, start)
+            late = crossing > 0.5 * (run.start + run.end)
+            merged[-1] = replace(run, end=crossing) if late else replace(run, start=crossing)
+            continue
         if last is None or last.end < start:
             merged.append(here)
             continue
@@ -151,28 +169,34 @@ def _apart(surfaces: _Surfaces, contacts: Sequence[Contact]) -> list[Contact] | 
 
 
 def _beside(
-    problem: Problem, contacts: Sequence[Contact], contact: Contact, pieces: Sequence[Expression]
-) -> tuple[Expression | None, Expression | None]:
-    """L on the ways before a contact and after it; None for an end of the interval."""
+    problem: Problem, contacts: Sequence[Contact], contact: Contact, of_ways: Sequence[_OfWay]
+) -> tuple[_OfWay | None, _OfWay | None]:
+    """What is known of the ways before a contact and after it; None for an end of the interval."""
     ways = _ways(problem, contacts)
-    before = next((p for way, p in zip(ways, pieces, strict=True) if way[1] == contact.start), None)
-    after = next((p for way, p in zip(ways, pieces, strict=True) if way[0] == contact.end), None)
+    before = next((p for way, p in zip(ways, of_ways, strict=True) if way[1] == contact.start), None)
+    after = next((p for way, p in zip(ways, of_ways, strict=True) if way[0] == contact.end), None)
     return before, after
 
 
 def _moving(form: Form, surfaces: _Surfaces, pieces: Sequence[Expression], contacts: Sequence[Contact]) -> Form | None:
     """The form with L on each way one of ``pieces``, which changes half way along contacts, and the surfaces.
 
+    Along a contact to which the curve comes through it, or which it leaves so, L is that of the contact's own side.
     None where there are not as many ways.
     """
     if len(_ways(surfaces.problem, contacts)) != len(pieces):
         return None
-    problem = surfaces.problem
-    s, (first, last) = problem.symbols, problem.span
-    middles = [0.5 * (c.start + c.end) for c in contacts if c.start > first and c.end < last]
+    problem, s = surfaces.problem, surfaces.problem.symbols
+    changes: list[tuple[float, Expression]] = []  # from where on L is what
+    for c in contacts:
+        after = _beside(problem, contacts, c, pieces)[1]
+        if any(c.through):
+            changes.append((c.start, surfaces.held_along(c)))
+        if after is not None and (any(c.through) or c.start > problem.span[0]):
+            changes.append((c.end if any(c.through) else 0.5 * (c.start + c.end), after))
     integrand = pieces[0]
-    for middle, piece in zip(middles, pieces[1:], strict=True):
-        integrand = ca.if_else(s.x < middle, integrand, piece)
+    for place, piece in changes:
+        integrand = ca.if_else(s.x < place, integrand, piece)
     integrand = problem.sign * integrand
     coordinates = replace(form.coordinates, stated=Stated(s, integrand, integrand), numbers=None)
     conditions = replace(form.conditions, pathwise=surfaces.conditions)
@@ -211,6 +235,30 @@ class _Surfaces:
         along = ca.Function("along", s.all, [ca.densify(ca.substitute(asked, s.dy, slope))])
         return abs(float(along(x, y, 0.0, [], problem.parameter_values, []))) <= SAME_SLOPE
 
+    def through_it(self, contact: Contact, other: Contact) -> bool:
+        """Whether one of two contacts goes through the jump that the other one runs along."""
+        points = [c.start == c.end for c in (contact, other)]
+        return contact.index == other.index and self.jumps(contact) and points[0] != points[1]
+
+    def seen(self, contact: Contact, before: np.ndarray | None, after: np.ndarray | None) -> Contact:
+        """The contact, with whether the curve comes to it through it, in view of the sides of the ways beside it."""
+        number = contact.index - len(self.problem.constraints)
+        along = self.jumps(contact) and contact.start < contact.end
+        sides = (None if side is None else side[number] for side in (before, after)) if along else (None, None)
+        first, last = (side is not None and bool(side * contact.level < 0) for side in sides)
+        return replace(contact, through=(first, last))
+
+    def held_along(self, contact: Contact) -> Expression:
+        """L on the side of each kink on which a curve is half way along a contact with a surface of the place."""
+        problem, surface = self.problem, self.condition(contact).expression
+        s, x = problem.symbols, 0.5 * (contact.start + contact.end)
+        y = ordinate_at(formulate(problem), surface, replace(contact, start=x))
+        slope = ca.Function("slope", s.all, [-ca.gradient(surface, s.x) / ca.gradient(surface, s.y)])
+        none, parameters = np.zeros(0), problem.parameter_values
+        pace = float(slope(x, y, 0.0, none, parameters, none))
+        point = [np.array([v]) for v in (x, y, pace)]
+        return held([problem.integrand], s.all, [*point, none, parameters, none], ca.vertcat(s.y, s.dy), self._loose)[0]
+
     def ends_at(self, contact: Contact) -> bool:
         """Whether a contact is that of a free end with a bound of the place."""
         problem, free = self.problem, [not end.fixed for end in (self.problem.start, self.problem.end)]
@@ -230,9 +278,13 @@ class _Surfaces:
 
     def values(self, curve: CurveOrSlope, x: np.ndarray) -> np.ndarray:
         """What says on which side of each surface a curve is, at x (m,): (surfaces, m)."""
-        columns = np.tile(self.problem.parameter_values[:, None], (1, len(x)))
+        return np.asarray(self._values(*self.points(curve, x)))
+
+    def points(self, curve: CurveOrSlope, x: np.ndarray) -> list[np.ndarray]:
+        """The arguments of the problem's expressions along a curve at x (m,), a column each."""
         none = np.zeros((0, len(x)))
-        return np.asarray(self._values(x[None], curve(x, 0), curve(x, 1), none, columns, none))
+        columns = np.tile(self.problem.parameter_values[:, None], (1, len(x)))
+        return [x[None], curve(x, 0), curve(x, 1), none, columns, none]
 
     def point(self, curve: CurveOrSlope, x: float) -> list[np.ndarray]:
         """The arguments of the problem's expressions at one place of a curve."""
@@ -365,14 +417,17 @@ class _Surfaces:
                     known[k] = replace(other, start=one.start, end=one.end)
         yield from sorted(known, key=lambda c: c.start)
 
-    def holds(self, curve: CurveOrSlope, contact: Contact, beside: tuple[Expression | None, Expression | None]) -> bool:
-        """Whether the momentum can go from that before a contact to that after it, with L on both sides of that."""
+    def holds(self, curve: CurveOrSlope, contact: Contact, beside: Beside) -> bool:
+        """Whether the momentum can go from that before a contact to that after it, with L on both sides of that.
+
+        What goes through a jump gains there what it takes.
+        """
         problem = self.problem
         if contact.start == contact.end and not self.ends_at(contact):
             return True
         momenta = [
-            self._natural(curve, end) if piece is None else self._momentum(piece, curve, x)
-            for end, piece, x in zip((0, 1), beside, self._just_beside(contact), strict=True)
+            self._natural(curve, end) if piece is None else None if through else self._momentum(piece, curve, x)
+            for end, piece, through, x in zip((0, 1), beside, contact.through, self._just_beside(contact), strict=True)
         ]
         inside = np.linspace(INWARDS, 1 - INWARDS, PLACES_OF_REST)  # at an end the curve has the slope beside it
         x = contact.start + (contact.end - contact.start) * inside
@@ -399,18 +454,30 @@ class _Surfaces:
         x = np.linspace(*self.problem.span, PLACES_FOR_BOUNDS)
         return float(np.abs(self.problem.integrand_derivatives(x, curve(x, 0), curve(x, 1)).gradient[:, 2]).max())
 
-    def off_by(self, curve: CurveOrSlope, contact: Contact) -> float:
-        """What a curve is off by for running beside a jump and not on it: twice what presses it times how far it is."""
-        if not self.jumps(contact):
+    def off_by(self, curve: CurveOrSlope, contact: Contact, beside: Beside) -> float:
+        """What the functional is more for a curve that runs beside a jump and not on it, with L on both sides of that.
+
+        To first order in how far: what presses it there, and what it comes with and leaves with (Gelfand and Fomin,
+        "Calculus of Variations", sect. 13).
+        """
+        if not self.jumps(contact) or contact.start == contact.end:
             return 0.0
-        problem = self.problem
-        x = np.linspace(contact.start, contact.end, PLACES_OF_REST)
-        pulls = problem.integrand_derivatives(x, curve(x, 0), curve(x, 1)).gradient[:, 1:]
-        rate = ca.Function(
-            "rate", problem.symbols.all, [ca.gradient(self.condition(contact).expression, problem.symbols.y)]
+        problem, s = self.problem, self.problem.symbols
+        x, weights = composite_gauss(np.linspace(contact.start, contact.end, WAYS_SUMMED + 1), POINTS_OF_REST)
+        surface = self.condition(contact).expression
+        aside = 1 / ca.gradient(surface, s.y)
+        turned = ca.gradient(aside, s.x) + ca.gradient(aside, s.y) * s.dy
+        function = ca.Function("aside", s.all, [aside, turned])
+        ends = np.array([contact.start, contact.end])
+        (moved, turns), (at_ends, _) = (
+            (np.ravel(np.asarray(v)) for v in function(*self.points(curve, places))) for places in (x, ends)
         )
-        away = abs(contact.level / float(rate(*self.point(curve, 0.5 * (contact.start + contact.end)))))
-        return 2 * away * float(np.ptp(pulls[:, 1]) + np.abs(pulls[:, 0]).mean() * (contact.end - contact.start))
+        pull = problem.sign * problem.integrand_derivatives(x, curve(x, 0), curve(x, 1)).gradient[:, 1:]
+        total = float((pull[:, 0] * moved + pull[:, 1] * turns) @ weights)
+        for k, (piece, at) in enumerate(zip(beside, self._just_beside(contact), strict=True)):
+            momentum = self._natural(curve, k) if piece is None else self._momentum(piece, curve, at)
+            total += (1 - 2 * k) * (momentum or 0.0) * float(at_ends[k])
+        return problem.sign * contact.level * total
 
     def _lower_here(self, curve: CurveOrSlope, contact: Contact) -> bool:
         """Whether L is less along a jump on the side on which a curve runs than on the other."""
@@ -419,9 +486,7 @@ class _Surfaces:
         rate = ca.Function(
             "rate", problem.symbols.all, [ca.gradient(self.condition(contact).expression, problem.symbols.y)]
         )
-        columns = np.tile(problem.parameter_values[:, None], (1, len(x)))
-        none = np.zeros((0, len(x)))
-        across = y - 2 * contact.level / np.asarray(rate(x[None], y, v, none, columns, none))
+        across = y - 2 * contact.level / np.asarray(rate(*self.points(curve, x)))
         here, there = (problem.sign * problem.integrand_values(x, ordinates, v) for ordinates in (y, across))
         return bool((there > here).all())
 

@@ -45,13 +45,15 @@ LENGTH_KEPT = 1e-2
 class Contact:
     """A stretch along which a bound is touched: the constraint's number, its level, and guesses of the ends.
 
-    At second order it may be a point, at which the bound presses with a force.
+    At second order it may be a point, at which the bound presses with a force. The curve may come to what is a jump
+    ``through`` it, from the other side, and leave it so.
     """
 
     index: int
     level: float
     start: float
     end: float
+    through: tuple[bool, bool] = (False, False)
 
 
 @dataclass(frozen=True)

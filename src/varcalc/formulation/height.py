@@ -22,6 +22,8 @@ BEND_SEEN = 1e-9
 """Part of what is summed that a bend has to change before the growth of the sum is more than rounding."""
 FLAT = 1e-9
 """Height, in units of what the functional feels, that is none."""
+FAR_OUT = 1e6
+"""Height, in units of :func:`height`, from which on a curve is on its way out."""
 LINE_ROUND_OFF = 1e-15
 """The same of a line between ends that are zero."""
 WITHIN = 100.0
@@ -43,6 +45,11 @@ def height(form: Form) -> float:
     if extent > WITHIN * high:
         return high
     return low if WITHIN * extent < low else extent
+
+
+def far_out(form: Form, size: float) -> bool:
+    """Whether ordinates of this size say nothing of curves of the problem: nothing finite lies so far out."""
+    return size > FAR_OUT * height(form)
 
 
 def flat(form: Form) -> float:

@@ -9,15 +9,17 @@ given and only the momentum is bound; at a waypoint neither is.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as ca
 import numpy as np
 
-from varcalc.solution import Finding, Verdict
+from varcalc.methods.crossings import arguments_along, on_curve
+from varcalc.solution import Finding, Solution, Verdict
 from varcalc.verify.along_curve import AlongCurve
-from varcalc.verify.candidate import Candidate
+from varcalc.verify.candidate import HELD_TO, Candidate
 from varcalc.verify.check import Check
 from varcalc.verify.residual import FAINT, felt
 from varcalc.verify.slopes import BESIDE_VERTEX, slopes_beside
@@ -50,7 +52,7 @@ class Corners(Check[list[Corner]]):
     def measure(self, candidate: Candidate) -> list[Corner]:
         """The extremal's own corners: a kink that polishing has smoothed was the error of the curve."""
         polished = candidate.best is not None and not candidate.reason
-        found = [] if candidate.touched else corners(candidate.along)
+        found = [] if candidate.touched else corners(candidate.along, partial(_pace_of_jump, candidate.solution))
         return [corner for corner in found if not polished or corner.held or math.isnan(corner.energy)]
 
     def findings(self, candidate: Candidate) -> Iterator[Finding]:
@@ -69,8 +71,11 @@ class Corners(Check[list[Corner]]):
                 yield Finding(Verdict.NO_EXTREMAL, sentence, numbers)
 
 
-def corners(along: AlongCurve) -> list[Corner]:
-    """The corners of a curve of first order at its inner vertices."""
+def corners(along: AlongCurve, pace_of_jump: Callable[[float], float | None] = lambda _: None) -> list[Corner]:
+    """The corners of a curve of first order at its inner vertices.
+
+    Where it meets a jump of L, which has a pace there, its momentum may jump, and the energy is that seen from there.
+    """
     changed = along.form.lift is not None and not along.slides  # such coordinates are smooth, as is the curve in them
     if along.order != 1 or len(along.vertices) < 3 or changed:
         return []
@@ -92,5 +97,27 @@ def corners(along: AlongCurve) -> list[Corner]:
         given = at in along.form.conditions.knots
         held = bool(np.any(np.abs(np.array(along.held) - at) <= BESIDE_VERTEX * along.length))
         momentum_jump = float(np.abs(right[0][k] - left[0][k]).max()) / size
+        if not given and (pace := pace_of_jump(at)) is not None:
+            seen = [side[1][k] + pace * side[0][k] for side in (left, right)]
+            energy, momentum_jump = abs(float((seen[1] - seen[0]).item())) / float((left[2] + right[2])[k].item()), 0.0
         found.append(Corner(at, jump, momentum_jump, float("nan") if given else energy, held))
     return found
+
+
+def _pace_of_jump(solution: Solution, at: float) -> float | None:
+    """How fast the surface moves on which L of one function jumps where a curve is; None where it is on none."""
+    problem, curve = solution.problem, solution.curve
+    jumps = [k for k, switch in enumerate(on_curve(problem)) if switch.jumps and not switch.stepped]
+    if problem.n > 1 or curve is None or not jumps:
+        return None
+    s, x = problem.symbols, np.append(np.unique(solution.x), at)
+    unknowns = np.array(list(solution.unknowns.values()))
+    values = np.abs(arguments_along(problem, curve, x, unknowns))[jumps]
+    met = np.flatnonzero(values[:, -1] <= HELD_TO * values.max(1))
+    if not len(met):
+        return None
+    argument = on_curve(problem)[jumps[int(met[0])]].argument
+    pace = ca.Function(
+        "pace", [s.x, s.y, s.parameters, s.unknowns], [-ca.gradient(argument, s.x) / ca.gradient(argument, s.y)]
+    )
+    return float(pace(at, curve(x[-1:], 0)[:, 0], problem.parameter_values, unknowns))

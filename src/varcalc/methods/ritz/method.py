@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from varcalc.formulation import Contact, Form, Sampled
-from varcalc.formulation.height import flat
+from varcalc.formulation.height import far_out, flat
 from varcalc.methods.answer import AlongGraph, Extremal, SampledExtremal, answer, unsettled, with_ends
 from varcalc.methods.ritz.degeneracy import degenerate
 from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
@@ -251,6 +251,8 @@ class Ritz(Brief):
                 return known
             solution = _Climb(way, at_bounds(form, contacts, vertices), nearly).run(guess)
             if not solution.status.ok or solution.curve is None:
+                return None
+            if far_out(form, float(np.abs(solution.curve(solution.x, 0)).max())):
                 return None
             following = moved(form, contacts, solution)
             apart = shift(form, contacts, following)
@@ -489,9 +491,16 @@ class _Climb:
         return self.report(best[0], sure, rung)
 
     def judged(self, rung: Rung, previous: float) -> Estimate | str:
-        """The errors of a rung, with what a bound may do beside a vertex where no point of a rule sees it."""
+        """The errors of a rung, with what a bound may do beside a vertex where no point of a rule sees it.
+
+        Why there are none where curves of ever less value lead further and further out.
+        """
         found = estimate(self.rungs, rung, previous)
-        if isinstance(found, str) or not self.bounded:
+        if isinstance(found, str):
+            return found
+        if (not math.isfinite(found.error) or self.astray(found)) and far_out(self.form, found.size):
+            return f"curves of ever less value lead out to {found.size:.3g}"
+        if not self.bounded:
             return found
         return replace(found, error=found.error + found.scale * hidden(self.tol))
 

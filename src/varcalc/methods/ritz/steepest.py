@@ -25,6 +25,8 @@ from varcalc.symbolic.derived import Cache
 
 MIXED = 6
 """Shifts at most that are taken in view at once."""
+LEARNT_FROM, LED_BACK = 2, 0.25
+"""Shifts from which on something is learnt, and the share of a shift by which the next leads back to say so."""
 BESIDE_END = 1e-5
 """Distance from the end of a stretch, in units of the piece beside it, at which its rate is told."""
 STEPS_TO_ORDINATE = 8
@@ -110,11 +112,17 @@ def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[C
         if contact.start == contact.end:
             ends.append((_refracted(form, expression, contact.start, before, after, solution.curve),) * 2)
             continue
+        curve, length = solution.curve, contact.end - contact.start
         if not ca.depends_on(expression, form.symbols.dy):
             expression, level = _pace(form, expression), 0.0
-        along, curve = _along(form, expression), solution.curve
-        sides = ((contact.start, -1, before), (contact.end, 1, after))
-        moves = [0.0 if room <= 0 else _setting_out(along, level, end, way * room, curve) for end, way, room in sides]
+        along, moves = _along(form, expression), list[float]()
+        sides = ((contact.start, -before, (before, length)), (contact.end, after, (length, after)))
+        free_sides = (True, False), (False, True)
+        for (end, room, rooms), through, free in zip(sides, contact.through, free_sides, strict=True):
+            if through:
+                moves.append(_refracted(form, asked[contact.index], end, *rooms, curve, free) - end)
+            else:
+                moves.append(0.0 if not room else _setting_out(along, level, end, room, curve))
         # what is far too long is seen less well than where it should be
         most = SHORTENED * (contact.end - contact.start)
         ends.append((contact.start + min(moves[0], most), contact.end + max(moves[1], -most)))
@@ -129,11 +137,11 @@ def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[C
 
 def _refracted(
     form: Form, expression: ca.SX, x: float, before: float, after: float,
-    curve: Callable[[np.ndarray, int], np.ndarray],
+    curve: Callable[[np.ndarray, int], np.ndarray], free: Sequence[bool] = (True, True),
 ) -> float:  # fmt: skip
     """Nearly where a curve that is held on a surface at x has the same energy on both sides, with so much room there.
 
-    On a surface that moves it is the energy as seen from that.
+    On a surface that moves it is the energy as seen from that. On a side that is not ``free`` it stays on the surface.
 
     Then the functional is stationary in where it goes through (Weierstrass and Erdmann's second condition; Gelfand and
     Fomin, "Calculus of Variations", sect. 15). To first order it goes straight to what it is held by next. An end of
@@ -148,7 +156,7 @@ def _refracted(
     bend = _along(form, pace**2 * ca.gradient(momentum, s.dy))
     near, far = x + BESIDE_END * room, x + 2 * BESIDE_END * room
     energies = 2 * energy(near, curve(near, 0), curve(near, 1)) - energy(far, curve(far, 0), curve(far, 1))
-    rate = float(bend(near, curve(near, 0), curve(near, 1)) @ (1 / np.abs(room)))
+    rate = float(bend(near, curve(near, 0), curve(near, 1)) @ (np.array(free) / np.abs(room)))
     step = -(energies[1] - energies[0]) / rate if rate else math.inf
     return x + float(np.clip(step, -NEARER * before, NEARER * after)) if np.isfinite(step) else x
 
@@ -173,7 +181,8 @@ class Shifted:
     """Where the ends of contacts were, and where they were to go from there: what is taught by it.
 
     Points at which a curve is held feel each other (Anderson's mixing; Walker and Ni, SIAM Journal on Numerical
-    Analysis 49, 2011). Ends of stretches are found quadratically as it is.
+    Analysis 49, 2011). Ends of stretches are found quadratically as it is, but where they were led too far, and are
+    led back.
     """
 
     def __init__(self) -> None:
@@ -183,22 +192,32 @@ class Shifted:
         """The contacts that follow, in view of all shifts that are known, or those ``after`` as they are."""
         plainly = list(after)
         points = [c.start == c.end for c in after]
-        same = [c.index for c in before] == [c.index for c in after] and points == [c.start == c.end for c in before]
-        if not (same and any(points)):
+        if [c.index for c in before] != [c.index for c in after] or points != [c.start == c.end for c in before]:
             self._known.clear()
             return plainly
         old, new = (np.array([(c.start, c.end) for c in each]).ravel() for each in (before, after))
         self._known.append((new - old, new))
-        shifts, places = (np.array(column[-MIXED:]).T for column in zip(*self._known, strict=True))
-        if shifts.shape[1] < 2:
+        if len(self._known) < LEARNT_FROM:
             return plainly
-        weights = np.linalg.lstsq(np.diff(shifts), shifts[:, -1], rcond=None)[0]
-        ends = (places[:, -1] - np.diff(places) @ weights).reshape(-1, 2)
+        ends = (self._in_view_of_all() if any(points) else self._led_back()).reshape(-1, 2)
         ends[points, 1] = ends[points, 0]
         edges = np.delete(ends.ravel(), 1 + 2 * np.flatnonzero(points))
         if not np.isfinite(ends).all() or np.any(np.diff(edges) <= 0):
             return plainly
         return [replace(c, start=float(a), end=float(b)) for c, (a, b) in zip(after, ends, strict=True)]
+
+    def _in_view_of_all(self) -> np.ndarray:
+        """Where all ends go together by the last shifts."""
+        shifts, places = (np.array(column[-MIXED:]).T for column in zip(*self._known, strict=True))
+        weights = np.linalg.lstsq(np.diff(shifts), shifts[:, -1], rcond=None)[0]
+        return places[:, -1] - np.diff(places) @ weights
+
+    def _led_back(self) -> np.ndarray:
+        """Where each end goes: between its last two places where it is led back as far, by the secant."""
+        (first, at), (last, new) = self._known[-2:]
+        before, old = at - first, new - last
+        back = (first * last < 0) & (np.abs(last) > LED_BACK * np.abs(first))
+        return np.where(back, old - last * (old - before) / np.where(back, last - first, 1.0), new)
 
 
 def kept_vertices(contacts: Sequence[Contact], following: Sequence[Contact], solution: Solution) -> list[float]:
@@ -228,6 +247,8 @@ def _setting_out(
     Or it comes back from where it went too far, and should have been held before.
     """
     x = end + BESIDE_END * room * np.array([1.0, 2.0])
+    if x[1] == x[0]:  # there is next to no room beside it
+        return 0.0
     near, far = along(x, curve(x, 0), curve(x, 1)) - level
     rate, missed = (far - near) / (x[1] - x[0]), 2 * near - far
     if missed == 0.0:
