@@ -44,9 +44,31 @@ def test_everything_has_a_page_of_its_own():
     assert all(subject.line for subject in subjects)
 
 
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ("brachistocrone", "'brachistochrone'"),
+        ("rainbo", "'rainbow'"),
+        ("optics/fisheye", "'fish_eye'"),
+        ("mechanics/pendlum", "'pendulum'"),
+        ("rainbow/second", "'rainbow'"),  # scenes have no cases
+    ],
+)
+def test_a_near_name_is_suggested_of_every_catalogue(given, meant):
+    with pytest.raises(ProblemFileError, match=f"of the catalogues; did you mean {meant}"):
+        subjects_of([given])
+
+
+def test_a_file_whose_ending_is_left_out_is_suggested(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_string.py").write_text("")
+    with pytest.raises(ProblemFileError, match=r"for the file give my_string\.py"):
+        subjects_of(["my_string"])
+
+
 def test_names_that_are_none_are_refused(tmp_path):
-    with pytest.raises(ProblemFileError, match="is no problem, scene or system"):
-        subjects_of(["brachistochron"])
+    with pytest.raises(ProblemFileError, match="is no problem, scene or system of the catalogues; `varcalc list`"):
+        subjects_of(["quite unlike any"])
     empty = tmp_path / "empty.py"
     empty.write_text("answer = 42\n")
     with pytest.raises(ProblemFileError, match="defines none of"):

@@ -10,10 +10,11 @@ from enum import Enum
 from functools import cached_property
 from pathlib import Path
 
+from varcalc.spelling import near
 from varcalc.study.experiments import EXPERIMENTS_PACKAGE
 from varcalc.study.reference import PROBLEMS_PACKAGE
 from varcalc.study.scenes import SCENES_PACKAGE
-from varcalc.study.user_file import SUFFIX, ProblemFileError, names_in, run_file
+from varcalc.study.user_file import SUFFIX, ProblemFileError, file_called, names_in, run_file
 
 
 class Kind(Enum):
@@ -110,10 +111,12 @@ def _named(text: str) -> list[Subject]:
     # only problems have cases
     having = [k for k in kinds or Kind if name in names_in(k.package) and (k is Kind.PROBLEM or not case)]
     if not having:
-        raise ProblemFileError(
-            f"{text!r} is no problem, scene or system of the catalogues; `varcalc list`, `varcalc list --scenes` and "
-            f"`varcalc list --systems` name them, and a file of your own is given by its path, ending in {SUFFIX}"
+        meant = file_called(text) or near(name, [entry for kind in kinds or Kind for entry in names_in(kind.package)])
+        advice = (
+            "; `varcalc list`, `varcalc list --scenes` and `varcalc list --systems` name them, and a file of your own "
+            f"is given by its path, ending in {SUFFIX}"
         )
+        raise ProblemFileError(f"{text!r} is no problem, scene or system of the catalogues{meant or advice}")
     return [_of_catalogue(kind, name, f"{name}/{case}" if case else name) for kind in having]
 
 

@@ -80,7 +80,7 @@ def catalogued(package: str, name: str, text: str, kind: str) -> ModuleType:
     """The file of a catalogue that is called ``name``, run; ProblemFileError where none is, with the ``text`` given."""
     known = names_in(package)
     if name not in known:
-        suggested = _elsewhere(package, name) or _file_called(text) or near(name, known)
+        suggested = _elsewhere(package, name) or file_called(text) or near(name, known)
         remedy = suggested or f", which holds {shorten(', '.join(known) or 'none', MOST_NAMED, placeholder=' ...')}"
         raise ProblemFileError(
             f"{text!r} is no {kind} of the catalogue{remedy}"
@@ -95,7 +95,7 @@ def _elsewhere(package: str, name: str) -> str:
     return next((f"; it is {kind}: varcalc {way} {name}" for kind, way in held), "")
 
 
-def _file_called(text: str) -> str:
+def file_called(text: str) -> str:
     """What there is where somebody left the ending of a file's name out; nothing where there is no such file."""
     return f"; for the file give {text}{SUFFIX}" if Path(text + SUFFIX).is_file() else ""
 
