@@ -1,14 +1,19 @@
-"""How far a long call has come: told to a function, or shown as a bar; and what is known when it is stopped."""
+"""How far a long call has come: told to a function, or shown as a bar; how it is stopped, and what is known then.
+
+Ctrl-C is put off until CasADi has answered: what is raised while it runs is lost, or comes out as another error.
+"""
 
 from __future__ import annotations
 
 import html
 import inspect
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sized
 from contextlib import contextmanager
-from threading import Lock
+from types import FrameType
 from typing import Any, Protocol, TypeVar
 
 T = TypeVar("T")
@@ -92,7 +97,7 @@ class Stage:
         self._before = before
         self._whole = self
         self._stopped = False
-        self._one_at_a_time = Lock()
+        self._one_at_a_time = threading.Lock()
 
     def __call__(self, done: int, what: str) -> None:
         """Tell that ``done`` more questions lie behind, and ``what`` comes next."""
@@ -182,12 +187,65 @@ class _InNotebook:
 
 @contextmanager
 def telling(progress: Progress, title: str) -> Generator[Telling]:
-    """The one who is told of a call called ``title``, until it is over."""
+    """The one who is told of a call called ``title``, until it is over, and may be stopped by Ctrl-C."""
     one = Telling(progress, title)
     try:
-        yield one
+        with heard():
+            yield one
     finally:
         one.close()
+
+
+@contextmanager
+def heard() -> Generator[None]:
+    """Ctrl-C raises KeyboardInterrupt in what is done within, whatever CasADi is about.
+
+    CasADi asks Python about each argument, and takes whatever is raised meanwhile for the answer that it does not fit;
+    IPOPT is ended by it, and reported as failed. So it is raised where the call of CasADi comes back, or, for those
+    who press twice, at once besides. Handlers that a person has set stay; threads other than the main one have none.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, _PutOff())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+class _PutOff:
+    """A handler of the signal; it lets the call of CasADi that it comes into go on to its end."""
+
+    def __init__(self) -> None:
+        self._caller: FrameType | None = None
+
+    def __call__(self, _number: int, frame: FrameType | None) -> None:
+        caller = _caller_of_casadi(frame)
+        # one trace at a time: debuggers and what measures coverage have theirs
+        if caller is None or self._caller is not None or sys.gettrace() is not None:
+            raise KeyboardInterrupt
+        self._caller = caller
+        caller.f_trace = self._traced
+        sys.settrace(self._traced)
+
+    def _traced(self, frame: FrameType, _event: str, _what: object) -> None:
+        """Raise in the frame that called CasADi, as soon as it does anything; others are not traced."""
+        if frame is self._caller:
+            self._caller = frame.f_trace = None
+            sys.settrace(None)
+            raise KeyboardInterrupt
+
+
+def _caller_of_casadi(frame: FrameType | None) -> FrameType | None:
+    """The frame of those below ``frame`` that called CasADi first; None where none did."""
+    caller = None
+    while frame is not None:
+        if str(frame.f_globals.get("__name__", "")).partition(".")[0] == "casadi":
+            caller = frame.f_back
+        frame = frame.f_back
+    return caller
 
 
 def _watched() -> bool:

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from varcalc.progress import Interrupted
+from varcalc.progress import Interrupted, heard
 from varcalc.spelling import near
 
 T = TypeVar("T")
@@ -31,7 +31,8 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Carry the command out."""
         try:
-            return super().invoke(ctx)
+            with heard():
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("stopped", err=True)
             raise SystemExit(EXIT_AFTER_INTERRUPT) from None
