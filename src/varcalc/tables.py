@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-TABLE_WIDTH = 400
-"""Columns offered to a table: more than any takes, so that nothing is cut short where output is not a terminal."""
+BETWEEN = "   "
+"""What stands between columns."""
 
 
 def table(
@@ -18,22 +18,22 @@ def table(
     notes: Iterable[str] = (),
 ) -> str:
     """Columns of words, of numbers, and ``last`` of words again, as wide as their content, with ``notes`` beneath."""
-    # rich is only for those who ask for a table
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
+    # rich measures characters; its own tables take 0.25 ms a row, a sweep less for a solve
+    from rich.cells import cell_len
 
-    drawn = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for headings, right in ((words, False), (numbers, True), (last, False)):
-        for heading in headings:
-            drawn.add_column(heading, justify="right" if right else "left", no_wrap=True)
-    for row in rows:
-        drawn.add_row(*row)
-    console = Console(width=TABLE_WIDTH, color_system=None, force_terminal=False, markup=False)
-    with console.capture() as capture:
-        console.print(drawn)
-    lines = [line.rstrip() for line in capture.get().splitlines()]
-    return "\n".join([*lines, "", *notes]).rstrip()
+    right = [False] * len(words) + [True] * len(numbers) + [False] * len(last)
+    lines = [[*words, *numbers, *last], *map(list, rows)]
+    lengths = [[cell_len(cell) for cell in line] for line in lines]
+    widths = [max(column) for column in zip(*lengths, strict=True)]
+    drawn = [
+        BETWEEN.join(
+            " " * (width - length) + cell if to_right else cell + " " * (width - length)
+            for cell, length, width, to_right in zip(line, taken, widths, right, strict=True)
+        ).rstrip()
+        for line, taken in zip(lines, lengths, strict=True)
+    ]
+    drawn.insert(1, "─" * (sum(widths) + len(BETWEEN) * (len(widths) - 1)))
+    return "\n".join([*drawn, "", *notes]).rstrip()
 
 
 def shown(value: float | None, form: str) -> str:

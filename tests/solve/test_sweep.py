@@ -195,6 +195,9 @@ def test_a_line_that_was_cut_short_is_dropped_with_a_note_and_a_damaged_one_refu
     store.write_text(text[:-20], encoding="utf-8")
     partial = vc.Sweep.load(store)
     assert [p.status for p in partial.points] == ["solved", "missing"]
+    rows, _, said = partial.table().partition("\n\n")
+    assert len(rows.splitlines()) == 3, "headings, a rule and the point that is there"
+    assert said.splitlines()[0] == "1 of 2 points not solved yet"
     again = vc.sweep(spring(), {"k": [1.0, 2.0]}, store=store)
     assert again.notes == ("the last line of sweep.jsonl was cut short and dropped; its point is solved again",)
     assert again.notes[0] in again.table()

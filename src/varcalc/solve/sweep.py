@@ -111,15 +111,18 @@ class Sweep(Plotted):
         return f"{name} ({unit})" if unit else name
 
     def table(self) -> str:
-        """The points as text for a monospaced page, with the reasons of failures beneath."""
+        """The points as text for a monospaced page, with the reasons of failures beneath; missing ones are counted."""
+        there = [p for p in self.points if p.status != MISSING]
         rows = [
             (
                 *(shown(v, ".9g") for v in p.values), p.status + (", local" if p.local else ""),
                 shown(p.value, ".15g"), shown(p.claimed_error, ".1e"), shown(1e3 * p.seconds, ".2f"),
             )
-            for p in self.points
+            for p in there
         ]  # fmt: skip
-        reasons = dict.fromkeys([*(p.reason for p in self.failures), *self.notes])
+        missing = len(self.points) - len(there)
+        unsolved = [f"{missing} of {counted(len(self.points), 'point')} not solved yet"] if missing else []
+        reasons = dict.fromkeys([*(p.reason for p in there if not p.ok), *unsolved, *self.notes])
         names = map(self._labelled, self.grid)
         return table((*names, "status"), (self._labelled(VALUE), "claimed", "ms"), rows, notes=reasons)
 
