@@ -319,6 +319,8 @@ def test_both_spellings_are_taken():
     assert optics.Radial(lambda r: 2 - r, centre=(1, 2)).center == (1.0, 2.0)
     assert vc.Ritz(optimizer=vc.Ipopt()) == vc.Ritz(optimiser=vc.Ipopt())
     assert mechanics.Inertia(1.0, center=np.zeros(3), tensor=np.eye(3)).centre.tolist() == [0, 0, 0]
+    with pytest.raises(TypeError, match="no argument 'minimise'; it takes lagrangian, start"):  # not the contrary
+        of_ends(length, minimise=True)
     with pytest.raises(TypeError, match="given maximise twice"):
         of_ends(length, maximise=True, maximize=True)
 

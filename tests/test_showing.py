@@ -365,3 +365,15 @@ def test_coordinates_that_are_not_named_are_counted():
     chain = mechanics.System(lambda t, q, v: ca.sumsqr(v) / 2 - ca.sumsqr(q) / 2, tuple("abcdef"))
     printed = str(chain.motion([1.0] * 6, [0.0] * 6, (0, 1)))
     assert printed.startswith("A motion of a, b, c, d and 2 more from t = 0 to 1")
+
+
+def test_units_of_a_sweep_stand_at_the_axes_of_its_picture():
+    units = {"k": "N/m", "c": "N", "value": "J"}
+
+    def loaded(k, c):
+        return vc.Problem(lambda x, y, dy: dy**2 + k * y**2 + c * y, vc.Fixed(0, 0), vc.Fixed(1, 1))
+
+    line = vc.sweep(loaded, {"c": [0.0], "k": [0, 1]}, units=units).plot().axes[0]
+    assert (line.get_xlabel(), line.get_ylabel()) == ("k (N/m)", "functional (J)")
+    labels = vc.sweep(loaded, {"c": [0.0, 1.0], "k": [0, 1]}, units=units).plot().axes
+    assert {"k (N/m)", "c (N)", "functional (J)"} <= {text for a in labels for text in (a.get_xlabel(), a.get_ylabel())}

@@ -13,6 +13,8 @@ T = TypeVar("T", bound=Callable[..., Any])
 
 SPELLINGS = (("imise", "imize"), ("centre", "center"))
 """What is spelt one way in Britain and another in America, among the names of arguments."""
+OPPOSITES = ("min", "max")
+"""What makes a word that is like another mean the contrary of it."""
 LIKENESS = 0.6
 """Likeness of two words (difflib's ratio) from which on one may have been meant by the other."""
 BEGINNING = 3
@@ -24,9 +26,11 @@ def near(word: str, known: Iterable[str]) -> str:
 
     >>> near("paramters", ["parameters", "start"]), near("bk7", ["N-BK7", "N-F2"]), near("z", ["parameters"])
     ("; did you mean 'parameters'?", "; did you mean 'N-BK7'?", '')
+    >>> near("minimize", ["maximise"])  # which is what was not meant
+    ''
     """
-    folded = {name.casefold(): name for name in known}
     sought = word.casefold()
+    folded = {name.casefold(): name for name in known if not _contrary(sought, name.casefold())}
     parts = [
         name
         for name in folded
@@ -35,6 +39,10 @@ def near(word: str, known: Iterable[str]) -> str:
     ]
     alike = [sought] if sought in folded else difflib.get_close_matches(sought, folded, 1, LIKENESS) or parts
     return f"; did you mean {folded[alike[0]]!r}?" if alike else ""
+
+
+def _contrary(word: str, other: str) -> bool:
+    return any(a in word and b in other for a, b in (OPPOSITES, OPPOSITES[::-1]))
 
 
 def listed(names: Sequence[str]) -> str:

@@ -15,7 +15,7 @@ from varcalc.problem.conditions import Holonomic
 from varcalc.problem.functional import SPACE, Functional
 from varcalc.search import Branch, Extremals
 from varcalc.solution import Solution
-from varcalc.solve.sweep import Sweep
+from varcalc.solve.sweep import VALUE, Sweep
 from varcalc.study.drawing import Drawing, Line, Net, Panel, Points, Shades
 
 NET_LINES = 25
@@ -63,9 +63,10 @@ def sweep_drawing(sweep: Sweep) -> Drawing:
     if not np.isfinite(values).any():
         raise ValueError("there is no answer to draw: no point of the sweep has one; see failures")
     across = np.array(sweep.grid[names[0 if sweep.paired else -1]], dtype=float)
+    functional = sweep.labelled(VALUE, "functional")
     if len(names) == 2 and not sweep.paired and min(values.shape) > 1:
-        shades = Shades(across, np.array(sweep.grid[names[0]]), values, "functional")
-        return Drawing("", lambda: [[Panel([shades], names[1], names[0])]])
+        shades = Shades(across, np.array(sweep.grid[names[0]]), values, functional)
+        return Drawing("", lambda: [[Panel([shades], sweep.labelled(names[1]), sweep.labelled(names[0]))]])
     rows = values.reshape(-1, len(across))
     others = [] if sweep.paired else list(product(*(sweep.grid[name] for name in names[:-1])))
     labels = [", ".join(f"{n} = {v:g}" for n, v in zip(names[:-1], at, strict=True)) for at in others]
@@ -76,7 +77,8 @@ def sweep_drawing(sweep: Sweep) -> Drawing:
         for k, row in enumerate(rows)
         for kind in (Line, Points)
     ]
-    return Drawing("", lambda: [[Panel(parts, names[0] if sweep.paired else names[-1], "functional")]])
+    below = sweep.labelled(names[0 if sweep.paired else -1])
+    return Drawing("", lambda: [[Panel(parts, below, functional)]])
 
 
 def _panels(problem: Functional, told: Sequence[tuple[Solution, str]]) -> list[list[Panel]]:

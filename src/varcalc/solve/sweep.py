@@ -106,9 +106,10 @@ class Sweep(Plotted):
     def _shaped(self, flat: list[float | None]) -> np.ndarray:
         return np.array(flat, dtype=float).reshape(Grid(self.grid, self.paired).shape)
 
-    def _labelled(self, name: str) -> str:
+    def labelled(self, name: str, called: str = "") -> str:
+        """A name of the grid, or ``"value"``, with its unit behind it; ``called`` says it in another word."""
         unit = self.units.get(name, "")
-        return f"{name} ({unit})" if unit else name
+        return f"{called or name} ({unit})" if unit else called or name
 
     def table(self) -> str:
         """The points as text for a monospaced page, with the reasons of failures beneath; missing ones are counted."""
@@ -123,8 +124,8 @@ class Sweep(Plotted):
         missing = len(self.points) - len(there)
         unsolved = [f"{missing} of {counted(len(self.points), 'point')} not solved yet"] if missing else []
         reasons = dict.fromkeys([*(p.reason for p in there if not p.ok), *unsolved, *self.notes])
-        names = map(self._labelled, self.grid)
-        return table((*names, "status"), (self._labelled(VALUE), "claimed", "ms"), rows, notes=reasons)
+        names = map(self.labelled, self.grid)
+        return table((*names, "status"), (self.labelled(VALUE), "claimed", "ms"), rows, notes=reasons)
 
     def document(self) -> dict[str, Any]:
         """The sweep as plain numbers, strings, lists and dicts, ready for JSON."""
