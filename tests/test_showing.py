@@ -190,6 +190,27 @@ def test_results_are_told_from_others_like_them():
         assert isinstance(thing == other, bool), name
 
 
+THROUGH = mechanics.Event(lambda t, q, v: q[0])
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: mechanics.Returns(-np.eye(2)),
+        lambda: mechanics.Returns([[-1.0]]),
+        lambda: mechanics.Repeats(np.eye(3)[[1, 2, 0]], 3),
+        lambda: mechanics.EulerAngles(np.array([0.1, 0.2]), np.array([0.3, 0.4]), np.array([0.5, 0.6])),
+        lambda: mechanics.Happening("turn", 1.0, np.array([0.0, 1.0]), np.array([1.0, 0.0])),
+        lambda: mechanics.Flights(THROUGH, np.zeros(3), np.ones(3), (0, 1)),
+        lambda: mechanics.Section(THROUGH, np.zeros((2, 2)), np.ones((2, 2)), (0, 1), 5),
+    ],
+)
+def test_what_holds_arrays_is_itself_alone(make):
+    thing, other = make(), make()
+    assert (thing == other) is False
+    assert thing in {thing, other}
+
+
 def test_results_are_members_of_sets():
     names = ("solution", "ray", "bundle", "motion", "ensemble", "branch", "stability")
     held = {made()[name] for name in names}

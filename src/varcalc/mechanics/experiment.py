@@ -26,7 +26,7 @@ SAME_CREST = 1e-4
 """Of the range of energies at rest: crests that differ by less are of one height."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Portrait:
     """Energies (r, c) over coordinates (c,) and rates (r,), and those of the ``separatrices``."""
 
@@ -42,7 +42,7 @@ def _check_event(name: str, given: Any) -> None:
 
 
 @spelled
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Section(Brief):
     """Poincaré's section to draw: the first ``most`` passages through an ``event`` of motions from many states.
 
@@ -66,7 +66,7 @@ class Section(Brief):
 
 
 @spelled
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Flights(Brief):
     """A map to draw: the times to an ``event`` of motions from rest, over values of the first two coordinates."""
 

@@ -47,7 +47,7 @@ class Event(Brief):
         truth("Event.terminal", self.terminal)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Happening(Brief):
     """An event that took place at the time ``t``, in the state ``q``, ``v`` (n,)."""
 

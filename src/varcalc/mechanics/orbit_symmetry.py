@@ -29,7 +29,7 @@ MOST_ELEMENTS = 10_000
 
 
 @spelled
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Repeats(Brief):
     """The orbit is ``times`` times the same: q(t + T/times) = ``matrix`` q(t), with a matrix (n, n)."""
 
@@ -43,7 +43,7 @@ class Repeats(Brief):
 
 
 @spelled
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Returns(Brief):
     """The orbit goes back the way it came: q(-t) = ``matrix`` q(t), with a matrix (n, n) that is its own inverse."""
 

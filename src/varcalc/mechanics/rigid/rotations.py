@@ -90,7 +90,7 @@ def quaternion_of(rotation: Any) -> np.ndarray:
 
 
 @spelled
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class EulerAngles(Brief):
     """The angles φ, θ and ψ in radians, numbers or arrays of one shape.
 
