@@ -5,10 +5,12 @@ The pages are built as well, with warnings as errors, and read as they are shown
 
 import csv
 import html
+import io
 import re
 import subprocess
 import sys
 import tomllib
+import zipfile
 from fractions import Fraction
 from importlib.metadata import metadata
 from pathlib import Path
@@ -48,6 +50,18 @@ def test_readme_claims_no_more_of_a_certificate_than_is_proved():
     certificate = vc.certify(vc.solve(reference.problem))
     proved = [Fraction(end) for end in certificate.enclosure]
     assert upper - lower >= (proved[1] - proved[0]) / 2  # round-off is not the same on every machine
+
+
+def test_the_size_of_the_wheel_is_what_is_said():
+    said = float(re.search(r"([0-9.]+) MB as a wheel", (DOCS / "install.md").read_text(encoding="utf-8"))[1])
+    # links are not followed: problems/, which the package holds by one, is counted once
+    found = [path for folder in ("src/varcalc", "problems") for path in (ROOT / folder).rglob("*")]
+    files = [path for path in found if path.suffix in {".py", ".typed"} or path.parent.name == "templates"]
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as wheel:
+        for path in files:
+            wheel.write(path, path.relative_to(ROOT))
+    assert abs(len(packed.getvalue()) / 1e6 - said) < 0.15
 
 
 def test_readme_has_two_commands_that_set_themselves_up():
