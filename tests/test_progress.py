@@ -108,7 +108,7 @@ def test_a_notebook_shows_a_bar_of_its_own(monkeypatch):
     with telling(True, "a <call>") as told:
         told(1, 3, "early & late")
     assert shown[1]["text/html"] == 'a &lt;call&gt; <progress value="1" max="3"></progress> 1 of 3, early &amp; late'
-    assert shown[-1] == {"text/plain": ""}
+    assert shown[-1] == {"text/plain": "", "text/html": ""}
 
 
 def test_ctrl_c_leaves_what_is_known():

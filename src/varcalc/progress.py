@@ -182,7 +182,8 @@ class _InNotebook:
         self._place.update({"text/plain": f"{self._title} {words}", "text/html": bar}, raw=True)
 
     def stop(self) -> None:
-        self._place.update({"text/plain": ""}, raw=True)
+        # as HTML too: empty text is shown as an empty box
+        self._place.update({"text/plain": "", "text/html": ""}, raw=True)
 
 
 @contextmanager

@@ -57,8 +57,8 @@ def read_profile(
 ) -> Tabulated:
     r"""A measured profile from a file of columns, as a medium of layers.
 
-    Raises ValueError naming the row of the file: for what is no number, and for heights out of order; and where the
-    columns do not say what they are.
+    Raises ValueError naming the row of the file: for what is no number or no index, and for heights out of order; and
+    where the columns do not say what they are.
 
     Parameters
     ----------
@@ -103,6 +103,7 @@ def read_profile(
     if found[first].quantity == DEPTH:
         heights = 0.0 - heights
     values = _index_of(path, found[second], values, reference_speed)
+    _check_index(path, values, [(row, cells[second]) for row, cells in numbered])
     _check_order(path, heights, [row for row, _ in numbered])
     if heights[0] > heights[-1]:
         heights, values = heights[::-1], values[::-1]
@@ -213,6 +214,18 @@ def _index_of(path: Path, column: Column, values: np.ndarray, reference: float |
         raise ValueError(f"reference_speed must be a positive speed, not {reference!r}")
     with np.errstate(divide="ignore"):
         return reference / speeds
+
+
+def _check_index(path: Path, index: np.ndarray, written: list[tuple[int, str]]) -> None:
+    """ValueError, naming the row and what is ``written`` there, unless every index is positive and finite."""
+    wrong = ~((index > 0) & np.isfinite(index))
+    if np.any(wrong):
+        k = int(np.argmax(wrong))
+        row, cell = written[k]
+        raise ValueError(
+            f"row {row} of {path.name}: {cell!r} makes the index {index[k]:g}, which must be positive and finite; "
+            "mend it, or leave the row out"
+        )
 
 
 def _check_order(path: Path, heights: np.ndarray, rows: list[int]) -> None:
