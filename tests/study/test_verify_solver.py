@@ -260,6 +260,15 @@ def test_the_fixture_stands_for_each_problem_in_turn(tmp_path):
     assert "cylinder/other_way: an answer given out for right that is not" in done.stdout
 
 
+def test_what_is_no_solver_is_not_taken_for_a_refusal(tmp_path):
+    (tmp_path / "conftest.py").write_text(CONFTEST, encoding="utf-8")
+    (tmp_path / "test_value.py").write_text("def test_solver(varcalc_problem):\n    varcalc_problem.check(2.236)\n")
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--varcalc-problems=zermelo/drift"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert "TypeError: solver must be a function of a PlainProblem, not 2.236" in done.stdout
+    assert "skipped" not in done.stdout
+
+
 def test_an_error_of_a_package_of_its_own_is_a_refusal():
     class NoConvergence(Exception):
         pass

@@ -10,7 +10,7 @@ import pytest
 
 from varcalc.study.plain import PlainProblem
 from varcalc.study.reference import catalogue, load
-from varcalc.study.verify_solver import Outcome, Solver, SolverRow, judged
+from varcalc.study.verify_solver import Outcome, Solver, SolverRow, check_solver, judged
 
 FIXTURE = "varcalc_problem"
 
@@ -23,7 +23,11 @@ class GivenProblem(PlainProblem):
         super().__init__(self.reference)
 
     def check(self, solver: Solver, *, tolerance: float = 1e-6) -> SolverRow:
-        """Fail the test unless the solver is right, and skip it where it says that it has no answer."""
+        """Fail the test unless the solver is right, and skip it where it says that it has no answer.
+
+        Raises TypeError for what is no function of one problem.
+        """
+        check_solver(solver)
         row = judged(solver, self.reference, tolerance)
         if row.outcome is Outcome.REFUSED:
             pytest.skip(row.message or "refused")

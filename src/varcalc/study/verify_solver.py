@@ -192,7 +192,7 @@ def verify_solver(
     if not 0 < within < 1:
         raise ValueError(f"tolerance must be a number between 0 and 1, not {told(tolerance)}")
     whole("digits", digits, 0)
-    _check_solver(solver)
+    check_solver(solver)
     references = _references(tuple(catalogue()) if problems is None else problems)
     bare = next((r.name for r in references if r.exact is None), None)
     if bare is not None:
@@ -201,7 +201,7 @@ def verify_solver(
     return SolverReport(called, within, tuple(judged(solver, r, within, digits) for r in references))
 
 
-def _check_solver(solver: Any) -> None:
+def check_solver(solver: Any) -> None:
     """TypeError for what cannot be called with one problem."""
     if isinstance(solver, type) or not callable(solver):
         by_method = "; a method of varcalc's is run by lambda problem: varcalc.solve(problem.problem, method).value"
