@@ -78,6 +78,17 @@ def test_workers_end_with_a_process_that_is_killed(script, text, seconds):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT to send to another process")
+@pytest.mark.parametrize("seconds", [0.0, 0.02, 0.1, 0.5])
+def test_workers_do_not_hear_the_interrupt_key_while_they_start(seconds):
+    with Workers(1) as workers:
+        future = workers.submit(os.getpid)
+        [worker] = multiprocessing.active_children()
+        time.sleep(seconds)
+        os.kill(worker.pid, signal.SIGINT)
+        assert future.result() == worker.pid
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT to send to another process")
 def test_a_sweep_that_is_interrupted_waits_for_no_worker(script):
     interrupted = script(HEARD + SWEEP, LONG)
     interrupted.send_signal(signal.SIGINT)

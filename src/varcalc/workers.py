@@ -2,12 +2,33 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 import threading
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnContext, SpawnProcess
+
+
+class _Deaf(SpawnProcess):
+    """A process that does not hear the interrupt key from its birth on: it loads packages for a second or two."""
+
+    def start(self) -> None:
+        """Start it with the signal blocked, as it is for this thread for the time being."""
+        if not hasattr(signal, "pthread_sigmask"):  # Windows
+            super().start()
+            return
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Spawning(SpawnContext):
+    """How workers are started: a forked process would inherit the locks of threads that are not there."""
+
+    Process = _Deaf
 
 
 class Workers(ProcessPoolExecutor):
@@ -19,8 +40,7 @@ class Workers(ProcessPoolExecutor):
     """
 
     def __init__(self, count: int) -> None:
-        # a forked process would inherit the locks of threads that are not there
-        context = multiprocessing.get_context("spawn")
+        context = _Spawning()
         heard, self._told = context.Pipe(duplex=False)
         super().__init__(count, context, initializer=_attached, initargs=(heard,))
 
