@@ -420,3 +420,21 @@ def test_two_ducts_between_uniform_halves_leave_nothing_unresolved(distance, end
     angles = np.arctan((end - start) / distance) + np.linspace(-3, 3, 6001) * math.sqrt(2 * terms[0][0])
     there = heights_at(slope, start, squared(start) * np.cos(angles) ** 2, np.tan(angles), distance)
     assert (len(rays), rays.unresolved) == (np.count_nonzero(np.diff(np.sign(there - end))), 0)
+
+
+@pytest.mark.parametrize("offset", [1e-3, 1e-6, 1e-9, 1e-11, 1e-15])
+@pytest.mark.parametrize("windings", [None, 4.0])
+def test_rays_past_a_centre_at_which_the_index_is_pointed(offset, windings):
+    # the angle about the centre goes to half a turn as c log c, which parabolas in c do not tell
+    scene = optics.Scene(optics.Radial(lambda r: 1 + 0.2 * r / (1 + r * r)))
+    through = sum(r + 0.1 * math.log1p(r * r) for r in (0.8, 0.5))
+    target = (0.5 * math.cos(offset), 0.5 * math.sin(offset))
+    rays = scene.rays((-0.8, 0), target, within=windings)
+    assert (len(rays), rays.unresolved) == (1, 0)
+    assert abs(rays[0].optical_path - through) <= rays[0].error + offset**2
+
+
+def test_a_point_behind_a_pointed_centre_is_no_shadow():
+    # the ray goes straight through it, where its neighbours cannot be followed
+    rays = optics.Scene(optics.Radial(lambda r: 1 + 0.2 * r / (1 + r * r))).rays((-0.8, 0), (0.5, 0))
+    assert len(rays) + rays.unresolved > 0

@@ -16,7 +16,7 @@ from varcalc.numerics.one_coordinate.integral_tables import SlopesTable
 from varcalc.numerics.one_coordinate.motions import OneTurn, TwoTurns
 from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.numerics.one_coordinate.slopes import SameSlopes
-from varcalc.optics.models.passages import COUNT, LAYERS, RayPassages, beside_centre, through_three
+from varcalc.optics.models.passages import COUNT, LAYERS, RayPassages, past_centre
 
 MOST_TURNS = 32
 """Turns of g, with more of which no table is made."""
@@ -97,11 +97,17 @@ class TabledPassages:
         aimed = self.passages.aimed(angles)
         aimed = aimed[~np.all(told[aimed], axis=1)]
         if len(aimed):
-            three = self.at(*beside_centre(pair[aimed]), np.repeat(scale[aimed], 3, axis=0), enough)
-            out[aimed], told[aimed] = through_three(three, angles[aimed]), True
+            beside = past_centre(pair[aimed], angles[aimed])
+            three, known, _ = self.tabled(*beside, np.repeat(scale[aimed], 3, axis=0), enough)
+            self._integrate(three, known, *beside)
+            out[aimed], told[aimed] = self.passages.of_past_centre(pair[aimed], angles[aimed], three), True
+        self._integrate(out, told, pair, angles)
+
+    def _integrate(self, out: np.ndarray, told: np.ndarray, pair: np.ndarray, angles: np.ndarray) -> None:
+        """Write down what was not ``told``."""
         rows = np.flatnonzero(~np.all(told, axis=1))
         if len(rows):
-            rest = self.passages.at(pair[rows], angles[rows], ~told[rows])
+            rest = self.passages.integrated(pair[rows], angles[rows], ~told[rows])
             out[rows] = np.where(np.tile(told[rows], 2), out[rows], rest)
 
     def tabled(

@@ -27,8 +27,8 @@ from varcalc.numerics.one_coordinate.quadrature import AGREED, TAU, integrals
 from varcalc.optics.models.between_stops import passages_between_stops
 from varcalc.optics.models.reduction import PATH, RayPotential
 
-AIMED, BESIDE_CENTRE = 1e-6, np.array([1e-5, 2e-5, 3e-5])
-"""Rays aimed at a centre, in radians, to within which the logarithm of a radius has too few digits, and their like."""
+AIMED, CLOSEST = 1e-6, 1e-9
+"""Rays aimed at a centre, in radians, to within which optical paths, and angles about it, are told by their like."""
 AT_A_TURN = 1e-13
 """Of the difference of two heights: so close to a turning point one is at it."""
 SAME_MINIMUM = 1e-15
@@ -94,15 +94,39 @@ class RayPassages:
         They are not numbers where they do not exist or are not ``wanted`` (m, 3), and -∞ where they are not resolved.
         """
         wanted = np.ones((len(angles), LAYERS), dtype=bool) if wanted is None else wanted
+        aimed = self.aimed(angles)
+        own = wanted & ~np.isin(np.arange(len(angles)), aimed)[:, None]
+        out = self.integrated(pair, angles, own)
+        if len(aimed):
+            three = self.integrated(*past_centre(pair[aimed], angles[aimed]), np.repeat(wanted[aimed], 3, axis=0))
+            out[aimed] = self.of_past_centre(pair[aimed], angles[aimed], three)
+        return out
+
+    def integrated(self, pair: np.ndarray, angles: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """See :meth:`at`, of rays that are not aimed at a centre."""
         out = np.full((len(angles), COUNT), np.nan)
         agreed = np.maximum(self.noise(pair, angles)[:, :LAYERS], AGREED)
         for first in range(0, len(angles), TOGETHER):
             some = slice(first, first + TOGETHER)
             self._write(pair[some], angles[some], agreed[some], wanted[some], out[some])
-        aimed = self.aimed(angles)
-        if len(aimed):
-            three = self.at(*beside_centre(pair[aimed]), np.repeat(wanted[aimed], 3, axis=0))
-            out[aimed] = through_three(three, angles[aimed])
+        return out
+
+    def of_past_centre(self, pair: np.ndarray, angles: np.ndarray, three: np.ndarray) -> np.ndarray:
+        """What the rays of :func:`past_centre` (3m, 6) say of those at ``angles`` (m,) aimed at it: (m, 6).
+
+        Those through a centre with an index turn by a quarter on either side of it, however n² varies beside it;
+        where it is dark or singular that is told by rays past it, as straight on. From one ray to another optical paths
+        change by the index times its sine for each angle about the centre.
+        """
+        beside, near = np.pi / 2 - angles, _past(angles)
+        close, first, second = np.moveaxis(three.reshape(-1, 3, COUNT), 1, 0)
+        through = 2 * first - second
+        if 0 < self.profile.index_at_centre < np.inf:
+            inwards = np.where(self.way[pair] > 0, 2, 1)  # of S, U and D the one that comes to the centre
+            through[:, :LAYERS] = np.where(np.arange(LAYERS) == inwards[:, None], np.pi / 2, through[:, :LAYERS])
+        out = through + (close - through) * (beside / near)[:, None]
+        sine = np.sqrt(self.g[pair]) * (beside + AIMED) / 2
+        out[:, LAYERS:] = first[:, LAYERS:] + sine[:, None] * (out - first)[:, :LAYERS]
         return out
 
     def aimed(self, angles: np.ndarray) -> np.ndarray:
@@ -367,17 +391,12 @@ def _held(g: np.ndarray, stop: np.ndarray) -> np.ndarray:
     return np.append(rests, len(g) - 1) if len(g) and g[-1] <= before[-1] else rests
 
 
-def beside_centre(pair: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Three rays past the centre for every one of the pairs (m,): pairs and angles (3m,)."""
-    return np.repeat(pair, 3), np.tile(np.pi / 2 - BESIDE_CENTRE, len(pair))
+def past_centre(pair: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Three rays past the centre for every one of the pairs (m,) at ``angles`` (m,): pairs and angles (3m,)."""
+    beside = np.column_stack([_past(angles), np.full(len(angles), AIMED), np.full(len(angles), 2 * AIMED)])
+    return np.repeat(pair, 3), np.pi / 2 - beside.ravel()
 
 
-def through_three(values: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """What rays past a centre (3m, 6) say of those closer to it, at ``angles`` (m,): (m, 6), by parabolas."""
-    beside, (a, b, c) = np.pi / 2 - angles, BESIDE_CENTRE
-    shares = [
-        (beside - b) * (beside - c) / ((a - b) * (a - c)),
-        (beside - a) * (beside - c) / ((b - a) * (b - c)),
-        (beside - a) * (beside - b) / ((c - a) * (c - b)),
-    ]
-    return np.einsum("ms,msf->mf", np.stack(shares, axis=1), values.reshape(-1, 3, COUNT))
+def _past(angles: np.ndarray) -> np.ndarray:
+    """How far past the centre rays at ``angles`` (m,) are aimed, or those closest to it of which this is told."""
+    return np.maximum(np.pi / 2 - angles, CLOSEST)

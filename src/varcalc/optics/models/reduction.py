@@ -67,6 +67,11 @@ class RayPotential(Potential):
     def about_centre(self) -> bool:
         """True for a centre, False for layers."""
 
+    @property
+    def index_at_centre(self) -> float:
+        """n where all turns about; not a number in layers."""
+        return np.nan
+
     @abstractmethod
     def within(self, place: np.ndarray, base: np.ndarray, x: np.ndarray) -> np.ndarray:
         """The change of g from ``base`` over ``x`` by the formula that holds at a ``place`` between two stops."""
@@ -211,6 +216,11 @@ class Profile(RayPotential):
     def about_centre(self) -> bool:
         """True for a centre, False for layers."""
         return isinstance(self.medium, Radial)
+
+    @cached_property
+    def index_at_centre(self) -> float:
+        """See :meth:`RayPotential.index_at_centre`."""
+        return float(ca.evalf(self._plain.index(ca.DM.zeros(2)))) if self.about_centre else np.nan
 
     def _position(self, u: Expression) -> Expression:
         return ca.vertcat(self.unit * ca.exp(u), 0) if self.about_centre else ca.vertcat(0, u)

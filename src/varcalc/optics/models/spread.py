@@ -59,7 +59,9 @@ class Spread:
         half = (breaks[pair, interval + 1] - low) / 2
         upper = at > 2 * interval + 1  # of the two breaks the nearer one, and how far from it: 1 in the middle
         number, away = interval + upper, np.where(upper, 2 * (interval + 1) - at, at - 2 * interval)
-        known = np.where(number == count - 1, EPSILON, self.passages.rounded[pair, number])
+        # rays through a centre are known, and those beside it in the measure of how far past it they go
+        upright = 0.0 if self.passages.profile.about_centre else EPSILON
+        known = np.where(number == count - 1, upright, self.passages.rounded[pair, number])
         offset = half * np.where(self.mild(pair, number), 2 * np.sin(np.pi / 4 * away) ** 2, _share(known, half, away))
         return np.where(away >= 1, low + half, np.where(upper, breaks[pair, number] - offset, low + offset))
 
