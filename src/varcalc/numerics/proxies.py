@@ -10,7 +10,7 @@ is monotone there: no zero can be passed over, however many combinations share t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -120,16 +120,50 @@ _AT_MANY = chebyshev.chebvander(np.cos(np.pi * (np.arange(4 * DEGREE) + 0.5) / (
 _AT_CHECKED = chebyshev.chebvander(CHECKED, DEGREE)
 
 
-def proxies(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> Proxies:
-    """Series of the functions of each ``family`` from ``low`` to ``high`` (P,), halved until they stand for them."""
-    kept: list[tuple[np.ndarray, ...]] = []
-    count = int(family.max(initial=-1)) + 1
+@dataclass(frozen=True)
+class Panels:
+    """Panels of each ``family`` (P,) from ``low`` to ``high`` (P,) with the functions' ``values`` (P, N + 2, F).
+
+    Series of ``coefficients`` (P, F, N) stand for the functions where they are ``fine`` (P,).
+    """
+
+    family: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    values: np.ndarray
+    fine: np.ndarray
+    coefficients: np.ndarray
+
+    @classmethod
+    def of(cls, functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> Panels:
+        """One series on each panel."""
+        places = ((low + high) / 2)[:, None] + ((high - low) / 2)[:, None] * np.append(_POINTS, CHECKED)
+        values = functions.sampled(family, places, ENOUGH)
+        return cls(family, low, high, values, *_series(functions, family, low, high, values))
+
+    def take(self, rows: np.ndarray) -> Panels:
+        """Some of them."""
+        return Panels(*(getattr(self, own.name)[rows] for own in fields(self)))
+
+
+def proxies(
+    functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray, known: Panels | None = None
+) -> Proxies:
+    """Series of the functions of each ``family`` from ``low`` to ``high`` (P,), halved until they stand for them.
+
+    Those ``known`` to stand for them elsewhere are taken along.
+    """
+    every = family if known is None else np.append(family, known.family)
+    kept, count = [], int(every.max(initial=-1)) + 1
     given_up, looked_at = np.zeros(count, dtype=int), np.zeros(count, dtype=int)
+    if known is not None:
+        kept.append((known.family, known.low, known.high, known.coefficients))
+        looked_at += known.values.shape[1] * np.bincount(known.family, minlength=count)
     for halving in range(PANEL_HALVINGS + 1):
-        values = _sampled(functions, family, low, high)
+        panels = Panels.of(functions, family, low, high)
+        values, fine = panels.values, panels.fine
         looked_at += values.shape[1] * np.bincount(family, minlength=count)
-        fine, series = _series(functions, family, low, high, values)
-        kept.append((family[fine], low[fine], high[fine], series[fine]))
+        kept.append((family[fine], low[fine], high[fine], panels.coefficients[fine]))
         hopeless = np.any(np.all(np.isneginf(values), axis=1), axis=1) & ~fine  # nothing is known anywhere in the panel
         if halving == PANEL_HALVINGS:
             hopeless = ~fine
@@ -163,17 +197,6 @@ def _own_side(series: np.ndarray, at_edges: np.ndarray, noise: np.ndarray, break
     near = np.abs(at_edges - from_series) <= (TORN + noise) * size
     other = breaks[..., None] & np.isfinite(from_series) & ~near
     return np.where(other, from_series, at_edges)
-
-
-def stands(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Whether (P,) one series stands for the functions of a ``family`` from ``low`` to ``high`` (P,)."""
-    return _series(functions, family, low, high, _sampled(functions, family, low, high))[0]
-
-
-def _sampled(functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """The functions (P, N + 2, F) at the points and checked places of panels."""
-    places = ((low + high) / 2)[:, None] + ((high - low) / 2)[:, None] * np.append(_POINTS, CHECKED)
-    return functions.sampled(family, places, ENOUGH)
 
 
 def _series(

@@ -175,6 +175,8 @@ class RayPassages:
         It is much beside a break at which they come to rest; not so beside upright rays of those that are ``plain``
         (m,) there.
         """
+        if not np.any(self._inner):
+            return np.zeros((len(angles), COUNT))
         lost = self._inner[pair]
         if plain is not None:
             lost &= ~(plain[:, None] & (np.arange(lost.shape[1]) == self.count[pair, None] - 1))[..., None]

@@ -33,7 +33,7 @@ UNITS = 16.0
 """Units of length are its powers: questions near one share what stands for their rays."""
 FARTHEST_PATH = 1e13
 """Of the distance of two points: beside optical paths that are longer, those of short rays have no digits."""
-TOGETHER = 512
+TOGETHER = 1024
 """Questions asked together; bounds the memory."""
 ACROSS = 1000
 """Heights at which it is asked whether there is an index all the way."""

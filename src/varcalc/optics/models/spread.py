@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.numerics.proxies import Proxies, proxies, stands
+from varcalc.numerics.proxies import Panels, Proxies, proxies
 from varcalc.optics.models.passage_tables import TabledPassages
 from varcalc.optics.models.passages import EPSILON, LAYERS, RayPassages
 
@@ -28,7 +28,7 @@ class Spread:
 
     At 0, 2, 4, .. are the breaks, at 1, 3, .. the middles between them. The passages are those that may be part of a
     ray of the optical path ``within`` (p,) that comes from ``nearest`` to ``distance`` (p,) far. ``plain`` (p,) says
-    where they are smooth in the angle up to upright rays.
+    where they are smooth in the angle up to upright rays, with series on the two ``panels`` before these.
     """
 
     tabled: TabledPassages
@@ -36,6 +36,7 @@ class Spread:
     distance: np.ndarray
     within: np.ndarray
     plain: np.ndarray
+    panels: Panels | None = None
 
     @classmethod
     def of(cls, tabled: TabledPassages, nearest: np.ndarray, distance: np.ndarray, within: np.ndarray) -> Spread:
@@ -43,8 +44,9 @@ class Spread:
         pairs, end = np.arange(len(distance)), 2.0 * (tabled.passages.count - 1)
         spread = _TabledSpread(tabled, nearest, distance, within, np.ones(len(pairs), dtype=bool))
         low = np.append(end - 1, end - 0.5)
-        first, second = stands(spread, np.tile(pairs, 2), low, low + 0.5).reshape(2, -1)
-        return cls(tabled, nearest, distance, within, first & second)
+        panels = Panels.of(spread, np.tile(pairs, 2), low, low + 0.5)
+        plain = np.all(panels.fine.reshape(2, -1), axis=0)
+        return cls(tabled, nearest, distance, within, plain, panels.take(np.flatnonzero(np.tile(plain, 2))))
 
     @property
     def passages(self) -> RayPassages:
@@ -143,10 +145,10 @@ class Spread:
 
     def series(self) -> Proxies:
         """Series that stand for them, to begin with four in each interval."""
-        panels = 4 * (self.passages.count - 1)
+        panels = 4 * (self.passages.count - 1) - 2 * self.plain  # the last two are there
         family = np.repeat(np.arange(len(panels)), panels)
         low = (np.arange(len(family)) - np.repeat(np.cumsum(panels) - panels, panels)) / 2
-        return proxies(self, family, low, low + 0.5)
+        return proxies(self, family, low, low + 0.5, self.panels)
 
 
 class _TabledSpread(Spread):
