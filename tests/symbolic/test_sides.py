@@ -2,7 +2,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from varcalc.symbolic.shapes import shape
 from varcalc.symbolic.sides import Sides
+from varcalc.symbolic.tracing import trace
 
 WRITTEN = {
     "size": lambda x, y: ca.fabs(x - y) * y,
@@ -36,24 +38,24 @@ def test_a_piece_is_the_expression_on_its_sides_and_its_ends_are_where_it_stops_
 
 
 @pytest.mark.parametrize("name", WRITTEN)
-def test_pieces_of_one_kind_are_written_alike(name):
+def test_pieces_of_one_shape_are_one_function_of_their_numbers(name):
     r = ca.SX.sym("r", 2)
     pieces = Sides.of(ca.SX(WRITTEN[name](r[0], r[1])), r)
     points = np.random.default_rng(5).uniform(-1, 1, (300, 2))
     written = {}
     for point, key in zip(points, pieces.at(points), strict=True):
-        kind, own = pieces.kind(key), pieces.piece(key)
-        if kind is None:
+        own, counted = pieces.piece(key), pieces.piece(key, counted=True)
+        if counted.beyond != own.beyond:
             continue
-        counted = pieces.piece(key, counted=True)
-        if kind not in written:
-            parts = [counted.expression, *counted.ends]
-            written[kind] = ca.Function("kind", [r, pieces.counts], [ca.vertcat(*parts)]), counted.beyond
-        of_kind, _ = written[kind]
+        counts = pieces.counts if counted.counts else ca.SX(0, 1)
+        of = shape([counted.expression, *counted.ends], ca.vertcat(r, counts))
+        if of.key not in written:
+            numbers = ca.vertcat(counts, of.numbers)
+            written[of.key] = ca.Function("shape", [r, numbers], [ca.vertcat(*of.expressions)])
         here = ca.Function("piece", [r], [ca.vertcat(own.expression, *own.ends)])
-        assert counted.beyond == own.beyond
+        numbers = [*counted.counts, *of.values]
         np.testing.assert_allclose(
-            np.array(of_kind(point, counted.counts)), np.array(here(point)), rtol=1e-14, atol=1e-15
+            np.array(written[of.key](point, numbers)), np.array(here(point)), rtol=1e-14, atol=1e-15
         )
 
 
@@ -67,3 +69,24 @@ def test_beyond_an_end_is_the_next_side_of_the_place_that_is_crossed():
     for place, number, beyond in ((0.25, 1, sides[1][1]), (1.0, 0, sides[2][0])):
         (end,) = (k for k, value in enumerate(np.ravel(ends(place))) if value == 0)
         assert piece.beyond[end] == (number, beyond)
+
+
+def test_between_two_knots_of_a_nested_table_no_other_knot_is_an_end():
+    r = ca.SX.sym("r", 2)
+    outer, inner = [-0.1, 0.3, 0.7, 1.1], [0.1, 0.27, 0.61, 0.9]
+
+    def table(height):
+        return np.interp(np.interp(height, [-2.0, -0.4, 0.5, 2.0], inner), outer, [1.4, 1.5, 1.45, 1.6])
+
+    pieces = Sides.of(trace("table", table, [r[1] + 0.2 * r[0] ** 2], ca.SX, ""), r)
+    keys = np.unique(pieces.at(np.random.default_rng(5).uniform(-1, 1, (300, 2))), axis=0)
+    assert len(keys) > 3
+    assert all(len(pieces.piece(key).ends) == 2 for key in keys)
+    assert len({shape([piece.expression, *piece.ends], r).key for piece in map(pieces.piece, keys)}) == 1
+
+
+def test_ends_closer_than_round_off_are_kept_together():
+    r = ca.SX.sym("r", 1)
+    pieces = Sides.of(ca.fabs(r - 0.3) + ca.fabs(3 * r - 0.9) + ca.fabs(1.2 - 2 * r), r)
+    ends = ca.Function("ends", [r], [ca.vertcat(*pieces.piece(pieces.at(np.array([[0.4]]))[0]).ends)])
+    assert np.array(ends(0.3)).ravel() == pytest.approx([0.0, 0.0, -0.3], abs=1e-15)

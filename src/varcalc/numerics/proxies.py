@@ -83,7 +83,7 @@ class Functions(Protocol):
 class Proxies:
     """Series of F functions of the ``family`` (P,) on panels from ``low`` to ``high`` (P,): ``coefficients`` (P, F, N).
 
-    Panels are in order of families, and in each of places. ``at_edges`` (P, 2, F) are the functions' own values at
+    ProxyPanels are in order of families, and in each of places. ``at_edges`` (P, 2, F) are the functions' own values at
     ``ends`` (P, 2), the edges or next to those. ``given_up`` counts by family (n,) panels on which no series stands
     for what exists, ``looked_at`` (n,) places.
     """
@@ -121,8 +121,8 @@ _AT_CHECKED = chebyshev.chebvander(CHECKED, DEGREE)
 
 
 @dataclass(frozen=True)
-class Panels:
-    """Panels of each ``family`` (P,) from ``low`` to ``high`` (P,) with the functions' ``values`` (P, N + 2, F).
+class ProxyPanels:
+    """ProxyPanels of each ``family`` (P,) from ``low`` to ``high`` (P,) with the functions' ``values`` (P, N + 2, F).
 
     Series of ``coefficients`` (P, F, N) stand for the functions where they are ``fine`` (P,).
     """
@@ -135,19 +135,19 @@ class Panels:
     coefficients: np.ndarray
 
     @classmethod
-    def of(cls, functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> Panels:
+    def of(cls, functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray) -> ProxyPanels:
         """One series on each panel."""
         places = ((low + high) / 2)[:, None] + ((high - low) / 2)[:, None] * np.append(_POINTS, CHECKED)
         values = functions.sampled(family, places, ENOUGH)
         return cls(family, low, high, values, *_series(functions, family, low, high, values))
 
-    def take(self, rows: np.ndarray) -> Panels:
+    def take(self, rows: np.ndarray) -> ProxyPanels:
         """Some of them."""
-        return Panels(*(getattr(self, own.name)[rows] for own in fields(self)))
+        return ProxyPanels(*(getattr(self, own.name)[rows] for own in fields(self)))
 
 
 def proxies(
-    functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray, known: Panels | None = None
+    functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray, known: ProxyPanels | None = None
 ) -> Proxies:
     """Series of the functions of each ``family`` from ``low`` to ``high`` (P,), halved until they stand for them.
 
@@ -160,7 +160,7 @@ def proxies(
         kept.append((known.family, known.low, known.high, known.coefficients))
         looked_at += known.values.shape[1] * np.bincount(known.family, minlength=count)
     for halving in range(PANEL_HALVINGS + 1):
-        panels = Panels.of(functions, family, low, high)
+        panels = ProxyPanels.of(functions, family, low, high)
         values, fine = panels.values, panels.fine
         looked_at += values.shape[1] * np.bincount(family, minlength=count)
         kept.append((family[fine], low[fine], high[fine], panels.coefficients[fine]))

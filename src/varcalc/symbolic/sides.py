@@ -16,6 +16,7 @@ import numpy as np
 
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.instructions import interpret, operate
+from varcalc.symbolic.nearest import nearest
 from varcalc.symbolic.switches import STEPPED, alike, arguments
 from varcalc.symbolic.tracing import Expression
 
@@ -148,31 +149,30 @@ class Sides:
     def piece(self, numbers: Sequence[int], *, counted: bool = False) -> ExpressionOnSide:
         """The one result of the function on sides that :meth:`at` tells, and where that ends, of its own symbols.
 
-        Where it is ``counted`` whole numbers stay the symbols :attr:`counts`, so that pieces of one :meth:`kind` are
-        written alike.
+        Where it is ``counted`` whole numbers stay the symbols :attr:`counts`, unless it is on a switch: what these make
+        of that is then put in. Of places at which multiples of one
+        expression, or what is a number more, vanish, those that are met before others are ends.
         """
+        counted &= not any(n == 0 and not p.stepped for p, n in zip(self.places, numbers, strict=True))
         below = [int(numbers[k]) for k in self.stepped]
         side = [0 if p.stepped else int(n) or 1 for p, n in zip(self.places, numbers, strict=True)]
         one = self.on(side, None if counted else below)
         ends: list[tuple[Expression, tuple[int, int]]] = []
-        for k in sorted(one.live - one.still):
+        moving = sorted(one.live - one.still)
+        plain = [k for k in moving if not self.places[k].stepped]
+        first = nearest([one.arguments[k] for k in plain], [int(numbers[k]) or 1 for k in plain])
+        for k in moving:
             argument, side = one.arguments[k], int(numbers[k]) or 1
             if self.places[k].stepped:
                 side = int(numbers[k])
                 lower = self.counts[2 * self.stepped.index(k)] if counted else side
                 ends += [(argument - lower, (k, side - 1)), (argument - (lower + 1), (k, side + 1))]
-            else:
-                ends.append((argument, (k, -side)))
+            elif (number := plain.index(k)) in first:
+                ends.append((first[number], (k, -side)))
         counts = tuple(float(v) for b in below for v in _counts(b)) if counted else ()
         return ExpressionOnSide(
             one.results[0], tuple(end for end, _ in ends), tuple(other for _, other in ends), counts
         )
-
-    def kind(self, numbers: Sequence[int]) -> tuple[int, ...] | None:
-        """What sides that differ by whole numbers alone have in common; None where one is on a switch."""
-        if any(n == 0 and not p.stepped for p, n in zip(self.places, numbers, strict=True)):
-            return None
-        return tuple(0 if p.stepped else int(n) for p, n in zip(self.places, numbers, strict=True))
 
     def on(self, side: Sequence[int], below: Sequence[int] | None = None) -> FunctionOnSide:
         """The function on one ``side``, of the symbols and counts, or with the whole numbers ``below`` put in."""

@@ -161,6 +161,38 @@ def test_an_index_of_many_steps_is_compiled_once_and_has_the_rays_of_its_layers(
     assert len({id(region.field._call) for region in flow._regions.values()}) == 1
 
 
+def test_tables_are_compiled_for_few_of_their_pieces_and_rays_go_from_one_to_the_next():
+    heights = np.array([-1.5, -0.83, -0.41, -0.17, 0.22, 0.37, 0.71, 1.5])
+    squared = np.array([1.93, 2.11, 2.03, 2.31, 2.17, 2.43, 2.29, 2.57])
+
+    def index(x, y):
+        return ca.sqrt(np.interp(y + 0.37 * x, heights, squared))
+
+    flow = SwitchedFlow(optics.Graded(index), 2, 0, lambda state, _: state[4] - 2.5, 0)
+    start, angle = np.array([-2.0, 0.1]), 0.9
+    n = np.sqrt(np.interp(start[1] + 0.37 * start[0], heights, squared))
+    p, across = n * np.array([np.cos(angle), np.sin(angle)]), np.array([0.37, 1.0])
+    landing = flow.ensemble(np.array([[*start, *p, 0.0]]), np.empty((1, 0)))
+    # between two knots ∇n² is constant, and a ray a parabola: from knot to knot, by its height u = y + 0.37 x
+    r, path = start, 0.0
+    for _ in range(20):
+        u, rise = r @ across, p @ across
+        k = int(np.clip(np.searchsorted(heights, u + 1e-12 * rise) - 1, 0, 6))
+        pull = np.diff(squared)[k] / np.diff(heights)[k] * across / 2
+        ways = [np.roots([pull @ across / 2, rise, u - edge]) for edge in heights[k : k + 2]]
+        ahead = [float(t.real) for t in np.concatenate(ways) if abs(t.imag) < 1e-12 and t.real > 1e-9]
+        cubic = [pull @ pull / 3, pull @ p, np.interp(u, heights, squared), path - 2.5]
+        last = [float(t.real) for t in np.roots(cubic) if abs(t.imag) < 1e-12 and t.real > 0]
+        t = min([*ahead, *last])
+        path += np.polyval([*cubic[:3], 0.0], t)
+        r, p = r + p * t + pull * t**2 / 2, p + pull * t
+        if t in last:
+            break
+    np.testing.assert_allclose(landing.states[0, :2], r, rtol=1e-12)
+    assert len(flow._regions) > 5
+    assert len({id(region.flow) for region in flow._regions.values()}) <= 3
+
+
 def test_a_step_that_a_whole_number_takes_away_has_no_end():
     # between x = 0 and 1 the second step does not depend on y, elsewhere it does
     scene = optics.Scene(optics.Graded(lambda x, y: 1.5 + 0.1 * ca.floor(0.4 * y * ca.floor(x))))

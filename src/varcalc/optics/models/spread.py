@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.numerics.proxies import Panels, Proxies, proxies
+from varcalc.numerics.proxies import Proxies, ProxyPanels, proxies
 from varcalc.optics.models.passage_tables import TabledPassages
 from varcalc.optics.models.passages import EPSILON, LAYERS, RayPassages
 
@@ -36,7 +36,7 @@ class Spread:
     distance: np.ndarray
     within: np.ndarray
     plain: np.ndarray
-    panels: Panels | None = None
+    panels: ProxyPanels | None = None
 
     @classmethod
     def of(cls, tabled: TabledPassages, nearest: np.ndarray, distance: np.ndarray, within: np.ndarray) -> Spread:
@@ -44,7 +44,7 @@ class Spread:
         pairs, end = np.arange(len(distance)), 2.0 * (tabled.passages.count - 1)
         spread = _TabledSpread(tabled, nearest, distance, within, np.ones(len(pairs), dtype=bool))
         low = np.append(end - 1, end - 0.5)
-        panels = Panels.of(spread, np.tile(pairs, 2), low, low + 0.5)
+        panels = ProxyPanels.of(spread, np.tile(pairs, 2), low, low + 0.5)
         plain = np.all(panels.fine.reshape(2, -1), axis=0)
         return cls(tabled, nearest, distance, within, plain, panels.take(np.flatnonzero(np.tile(plain, 2))))
 

@@ -7,7 +7,7 @@ it go its neighbours, whom the surface bends otherwise. No step goes over a kink
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
@@ -23,6 +23,7 @@ from varcalc.optics.models.equations import force, ray_rates
 from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.optics.rays.beam import at_surface, packed, unpacked
 from varcalc.optics.surfaces import Geometry, Surface
+from varcalc.symbolic.shapes import shape
 from varcalc.symbolic.sides import ExpressionOnSide, Sides
 
 MOST_CROSSINGS = 20_000
@@ -75,26 +76,27 @@ class EndOfPiece(Surface):
 class Region:
     """One piece of a medium: its n² on arrays, its ends as surfaces, and its rays with the ends as their last stops.
 
-    The ``flow`` takes ``counts`` (k,) after the caller's constants.
+    The ``flow`` takes ``numbers`` (k,) after the caller's constants.
     """
 
     piece: ExpressionOnSide
     field: Field
     ends: tuple[Geometry, ...]
     flow: Flow
-    counts: np.ndarray
+    numbers: np.ndarray
 
-    def of(self, piece: ExpressionOnSide) -> Region:
-        """That of another piece which differs by whole numbers alone; nothing is compiled for it."""
-        counts = np.array(piece.counts)
+    def of(self, piece: ExpressionOnSide, numbers: Sequence[float]) -> Region:
+        """That of another piece which differs by ``numbers`` alone; nothing is compiled for it."""
+        own = np.array(numbers)
         return replace(
-            self, piece=piece, field=self.field.of(counts), ends=tuple(end.of(counts) for end in self.ends),
-            counts=counts,
-        )  # fmt: skip
+            self, piece=piece, field=self.field.of(own), ends=tuple(end.of(own) for end in self.ends), numbers=own
+        )
 
     def given(self, constants: np.ndarray) -> np.ndarray:
         """What the flow takes, from the caller's ``constants`` (..., c)."""
-        return np.concatenate([constants, np.broadcast_to(self.counts, (*constants.shape[:-1], len(self.counts)))], -1)
+        return np.concatenate(
+            [constants, np.broadcast_to(self.numbers, (*constants.shape[:-1], len(self.numbers)))], -1
+        )
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,8 @@ class SwitchedFlow:
     stops: UserStops
     constants: int
     _regions: dict[tuple[int, ...], Region] = field(default_factory=dict, init=False, repr=False)
-    _kinds: dict[tuple[int, ...], Region] = field(default_factory=dict, init=False, repr=False)
+    _kinds: dict[tuple[Hashable, tuple[float, ...]], Region] = field(default_factory=dict, init=False, repr=False)
+    _seen: set[Hashable] = field(default_factory=set, init=False, repr=False)
 
     @cached_property
     def _position(self) -> Expression:
@@ -181,31 +184,44 @@ class SwitchedFlow:
             return self._regions[key]
 
     def _made(self, key: tuple[int, ...]) -> Region:
-        """The piece on the sides ``key``; what is compiled for those that differ by whole numbers alone is one."""
-        piece, kind = self._pieces.piece(key), self._pieces.kind(key)
-        if kind is None or not self._pieces.stepped:
-            return self._compiled(piece, ca.SX(0, 1))
-        alike = self._pieces.piece(key, counted=True)
-        # where a whole number is zero, less may hang on the position than where it is not
-        if [place for place, _ in alike.beyond] != [place for place, _ in piece.beyond]:
-            return self._compiled(piece, ca.SX(0, 1))
-        if kind not in self._kinds:
-            self._kinds[kind] = self._compiled(alike, self._pieces.counts)
-        return self._kinds[kind].of(alike)
+        """The piece on the sides ``key``; what is compiled for those that differ by numbers alone is one.
 
-    def _compiled(self, piece: ExpressionOnSide, counts: Expression) -> Region:
-        """A piece in which ``counts`` are symbols, with its rays to its ends."""
+        The first of them has its numbers written, as most are the only ones, but for whole ones of what is stepped.
+        """
+        piece = self._pieces.piece(key)
+        counted = self._pieces.piece(key, counted=True) if self._pieces.stepped else piece
+        # where a whole number is zero, less may hang on the position than where it is not
+        piece = counted if counted.beyond == piece.beyond else piece
+        counts = self._pieces.counts if piece.counts else ca.SX(0, 1)
+        of = shape([piece.expression, *piece.ends], ca.vertcat(self._position, counts))
+        if of is None:
+            return self._compiled(piece, counts)
+        kind, numbers = (of.key, len(piece.counts)), (*piece.counts, *of.values)
+        if (kind, of.values) in self._kinds:
+            return self._kinds[kind, of.values].of(piece, piece.counts)
+        if kind not in self._seen:
+            self._seen.add(kind)
+            first = self._kinds[kind, of.values] = self._compiled(piece, counts)
+            return first
+        if (kind, ()) not in self._kinds:
+            expression, *ends = of.expressions
+            alike = ExpressionOnSide(expression, tuple(ends), piece.beyond, numbers)
+            self._kinds[kind, ()] = self._compiled(alike, ca.vertcat(counts, of.numbers))
+        return self._kinds[kind, ()].of(piece, numbers)
+
+    def _compiled(self, piece: ExpressionOnSide, numbers: Expression) -> Region:
+        """A piece in which ``numbers`` are symbols, with its rays to its ends."""
         d, position = self.dimension, self._position
-        s, state, numbers = ca.SX.sym("s"), ca.SX.sym("Y", self._size), ca.SX.sym("c", self.constants)
+        s, state, constants = ca.SX.sym("s"), ca.SX.sym("Y", self._size), ca.SX.sym("c", self.constants)
         medium = OnePiece(piece.expression, position)
         rates = ray_rates(force(medium.squared_index(state[:d]), state[:d]), state, d)
         levels = [EndOfPiece(end, position).level(state[:d]) for end in piece.ends]
-        stops = ca.vertcat(self.stops(state, numbers), *levels)
-        given = [s, state, ca.vertcat(numbers, counts)]
+        stops = ca.vertcat(self.stops(state, constants), *levels)
+        given = [s, state, ca.vertcat(constants, numbers)]
         rays, ends = ca.Function("rays", given, [rates]), ca.Function("stops", given, [stops])
-        surfaces = tuple(Geometry(EndOfPiece(end, position), d, counts) for end in piece.ends)
+        surfaces = tuple(Geometry(EndOfPiece(end, position), d, numbers) for end in piece.ends)
         flow = integrators.for_many().compile(rays, ends)
-        return Region(piece, Field(medium, d, counts), surfaces, flow, np.array(piece.counts))
+        return Region(piece, Field(medium, d, numbers), surfaces, flow, np.zeros(0)).of(piece, piece.counts)
 
     def _rounds(
         self,
