@@ -217,9 +217,13 @@ class Profile(RayPotential):
         """True for a centre, False for layers."""
         return isinstance(self.medium, Radial)
 
-    @cached_property
+    @property
     def index_at_centre(self) -> float:
         """See :meth:`RayPotential.index_at_centre`."""
+        return self._index_at_centre
+
+    @cached_property
+    def _index_at_centre(self) -> float:
         return float(ca.evalf(self._plain.index(ca.DM.zeros(2)))) if self.about_centre else np.nan
 
     def _position(self, u: Expression) -> Expression:
