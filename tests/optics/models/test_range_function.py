@@ -438,3 +438,17 @@ def test_a_point_behind_a_pointed_centre_is_no_shadow():
     # the ray goes straight through it, where its neighbours cannot be followed
     rays = optics.Scene(optics.Radial(lambda r: 1 + 0.2 * r / (1 + r * r))).rays((-0.8, 0), (0.5, 0))
     assert len(rays) + rays.unresolved > 0
+
+
+def test_an_index_that_is_looked_up_between_many_knots_has_the_rays_of_the_table():
+    heights = np.array([-1.5, -0.9, -0.7, -0.55, -0.3, -0.1, 0.05, 0.2, 0.45, 0.6, 0.85, 1.5])
+    squared = 2 + 0.1 * np.cos(7 * heights)
+    looked_up = optics.Scene(optics.Stratified(lambda y: ca.sqrt(np.interp(y, heights, squared))))
+    table = optics.Scene(optics.Tabulated(heights, np.sqrt(squared), smooth=False))
+    for end in ((2.0, 0.3), (1.5, -0.8), (3.5, 0.1)):
+        own, other = (scene.rays((0, -0.2), end, within=6.0) for scene in (looked_up, table))
+        assert (own.unresolved, other.unresolved) == (0, 0)
+        inside = [ray for ray in own if np.abs(ray.point(ray.optical_path / 2)[1]) < 1.5]
+        assert [ray.optical_path for ray in inside] == pytest.approx([ray.optical_path for ray in other], rel=1e-12)
+    profile = Profile(looked_up.media[0], 1.0, 0.0)
+    assert len(profile._parts) == len(heights) + 1  # one formula a piece, and not all knots in each

@@ -51,6 +51,8 @@ FARTHEST_LOG = 300.0
 """Of the logarithm of a radius."""
 DARK_MINIMUM, FEW_MINIMA = 1e-25, 32
 """Of g: where it comes down to less no ray goes on; and how many of the next minima are looked at for that."""
+MANY_STOPS = 8
+"""Of so many on each piece between two of them the formula is taken by itself: the whole one holds them all."""
 LEAST_ANGULAR_MOMENTUM = 1e-140
 """Of n r: a ray through the centre is the limit of rays past it."""
 
@@ -175,9 +177,10 @@ class Profile(RayPotential):
         whole = ca.vertcat(self._squared(u), ca.SX(self._plain.index(self._position(u))))
         stops, cells = pieces(whole, u, far)
         jumps = jumps_in(ca.SX(self._squared(u)), u, far)
+        many = jumps is not None and len(stops) >= MANY_STOPS and not len(cells.edges)
         if jumps is None or len(cells.edges):
             jumps = _NONE
-        ends = stops if len(jumps) else _NONE
+        ends = stops if len(jumps) or many else _NONE
         if len(ends):
             parts = [ProfilePart.of(formula, u) for formula in switched_pieces(whole, u, ends)]
         else:
