@@ -304,11 +304,53 @@ def test_a_singular_end(end, scope):
     assert certificate.scope is scope
 
 
-def test_what_cannot_be_stated_exactly_is_refused():
-    """The distance between 0.1 and 0.7 is no double, so it cannot be prescribed."""
-    problem = vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / y), vc.Fixed(0.1, 0), vc.Fixed(0.7, 0.7))
-    with pytest.raises(vc.VariationalError, match="is rounded"):
-        vc.certify(vc.solve(problem))
+def test_a_singular_end_before_a_free_one():
+    """The brachistochrone to a line straight down: half an arch, pi sqrt(2 d/pi), the least of all descents to it."""
+    problem = vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / y), vc.Fixed(0.25, 0), vc.Free(1.5))
+    certificate = vc.certify(vc.solve(problem))
+    assert between(certificate, mpmath.sqrt(2 * mpmath.pi * mpmath.mpf(1.25)))
+    assert certificate.scope is Scope.ALL
+    assert certificate.width < 1e-18
+
+
+def test_a_free_end_before_a_singular_one():
+    """The same the other way round, down an ordinate that points down."""
+    problem = vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / -y), vc.Free(-2), vc.Fixed(0, 0))
+    certificate = vc.certify(vc.solve(problem))
+    assert between(certificate, mpmath.sqrt(4 * mpmath.pi))
+
+
+def test_a_free_end_on_a_vertical_line_of_a_curve():
+    """The same of a Curve that runs to the left."""
+    problem = vc.Curve(lambda q, v: ca.sqrt(ca.sumsqr(v) / q[1]), vc.At((0, 0)), vc.At((-200, None)))
+    assert between(vc.certify(vc.solve(problem)), mpmath.sqrt(400 * mpmath.pi))
+
+
+def descent(across, depth):
+    """int sqrt((dx^2 + dy^2)/y) along the cycloid from rest: a sqrt(2 r), see above."""
+    ratio = lambda a: (a - mpmath.sin(a)) / (1 - mpmath.cos(a))  # noqa: E731  short
+    a = mpmath.findroot(lambda a: ratio(a) - across / depth, (0.01, 6.2), solver="ridder", verify=False)
+    a = mpmath.findroot(lambda a: depth * (a - mpmath.sin(a)) - across * (1 - mpmath.cos(a)), a)
+    return a * mpmath.sqrt(2 * depth / (1 - mpmath.cos(a)))
+
+
+@pytest.mark.parametrize(
+    ("start", "end"),
+    # 0.7 - 0.1 is no double; the same curve in other units; deep, far, and back
+    [((0.1, 0), (0.7, 0.7)), ((0, 0), (0.01, 0.01)), ((0, 0), (300, 90)), ((1, 0), (1.75, 6)), ((2, 0), (-1, 0.5))],
+)
+@pytest.mark.parametrize("as_curve", [False, True])
+def test_a_singular_end_wherever_it_lies(start, end, as_curve):
+    """The brachistochrone in any place and unit, as a graph and as a Curve, which may run backward."""
+    if as_curve:
+        problem = vc.Curve(lambda q, v: ca.sqrt(ca.sumsqr(v) / q[1]), vc.At(start), vc.At(end))
+    else:
+        ends = sorted([vc.Fixed(*start), vc.Fixed(*end)], key=lambda e: e.x)
+        problem = vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / y), *ends)
+    certificate = vc.certify(vc.solve(problem))
+    exact = descent(abs(mpmath.mpf(end[0]) - mpmath.mpf(start[0])), mpmath.mpf(end[1]))
+    assert between(certificate, exact)
+    assert certificate.width < 1e-20 * exact
 
 
 def test_a_power_whose_exponent_is_rounded_is_refused():

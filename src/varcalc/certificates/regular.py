@@ -1,8 +1,9 @@
 """Lengths whose metric is infinite at an end: the singular coordinate becomes an integral that is prescribed.
 
 Let the square of the speed be a(z) x'^2/b(z)^2 + c(z) z'^2, with b = 0 at the end, as of the brachistochrone in the
-depth z^2. With x' = b alpha' it is a alpha'^2 + c z'^2, which is regular, and the integral of b alpha' is the distance
-in x between the ends (a sub-Riemannian problem: Montgomery, "A Tour of Subriemannian Geometries", AMS 2002, ch. 1).
+depth z^2. With x' = d b alpha', d the distance in x between the ends, it is d^2 a alpha'^2 + c z'^2, which is regular,
+and the integral of b alpha' is 1 (a sub-Riemannian problem: Montgomery, "A Tour of Subriemannian Geometries", AMS
+2002, ch. 1).
 """
 
 from __future__ import annotations
@@ -22,13 +23,15 @@ from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.levels import meeting
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.statement import squared
-from varcalc.problem.conditions import Fixed, Isoperimetric
+from varcalc.problem.conditions import Fixed, Free, Isoperimetric
 from varcalc.problem.problem import Curve, Problem
 from varcalc.symbolic.instructions import Program
 from varcalc.verify.along_curve import AlongCurve
 
 UNIT = "unit_of_z_squared"
 """The parameter of the regular problem that holds the unit of z^2."""
+LINE_START, LINE_END = "start_along_line", "end_along_line"
+"""Its parameters that hold the ends along the singular line, of whose distance x and alpha are shares."""
 POINTS = 257
 """Points of the curve that the regular problem is begun at."""
 ROOM = 1e-9
@@ -37,6 +40,7 @@ STEEPEST = 0.1
 """One over what a bump on [0, 1] and its slope stay below."""
 VANISHING = "where L is infinite no coordinate in which the metric neither vanishes nor ends in a root is at hand"
 BROKEN_POWER = "where L is infinite the curve is regular in a coordinate of which the distance is no whole power"
+FREE_ROOT = "beside a free end the coordinate in which L is infinite is covered where it is plus or minus a square"
 FORWARD_HALVINGS = 10
 """How often a box is halved to show that a curve runs forward in it."""
 
@@ -133,7 +137,8 @@ class Product:
 class Metric:
     """The square of the speed, a x'^2/b^2 + c z'^2, x being function ``cyclic``.
 
-    z^2 is measured in ``unit``, for which ``symbol`` stands in a and c; ``ends`` are the values of z.
+    z^2 is measured in ``unit``, for which ``symbol`` stands in a and c; ``ends`` are the values of z, None where it is
+    free, and ``along_line`` those of x.
     """
 
     cyclic: int
@@ -142,7 +147,8 @@ class Metric:
     c: Any
     symbol: Any
     unit: float
-    ends: tuple[float, float]
+    ends: tuple[float | None, float | None]
+    along_line: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -168,31 +174,33 @@ def regular(along: AlongCurve) -> Regular | None:
     block = ca.hessian(H, s.dy)[0]
     cyclic = [i for i in (0, 1) if not ca.depends_on(H, s.y[i])]
     ends = [np.asarray(given, dtype=float)[0] for given in (form.ends.start, form.ends.end)]
-    if len(cyclic) != 1 or block.nnz() != 2 or ca.depends_on(block, ca.vertcat(s.x, s.dy)) or np.isnan(ends).any():
+    if len(cyclic) != 1 or block.nnz() != 2 or ca.depends_on(block, ca.vertcat(s.x, s.dy)):
         return None
     i = cyclic[0]
+    if any(np.isnan(end[i]) for end in ends):
+        return None
     rows = np.eye(2)
     own, other = (Product(ca.substitute([H], [s.dy], [ca.DM(rows[k])])[0]) for k in (i, 1 - i))
     # one factor may be taken out of both, and must where it is no double
     common, own.factor, other.factor = own.factor, Fraction(1), other.factor / (own.factor or 1)
     symbol = ca.SX.sym("unit")
-    unit, places = _in_own_unit(along, i, (own, other), symbol)
+    unit, places, along_line = _in_own_unit(along, i, (own, other), symbol)
     if other.power_of(s.y[1 - i]):
         raise Unproved(VANISHING)
     b = own.without_poles(s.y[1 - i])
-    metric = Metric(i, own.expression(), b, other.expression(), symbol, unit, places)
+    metric = Metric(i, own.expression(), b, other.expression(), symbol, unit, places, along_line)
     weight = ca.Function("b", [s.y, s.parameters], [b])
     t = np.linspace(0.0, 1.0, POINTS)
     y, dy = along.evaluate(t, 0), along.evaluate(t, 1)
     y[1 - i] /= math.sqrt(unit)
     rate = dy[i] / np.maximum(np.asarray(weight(y, form.problem.parameter_values)).ravel(), 1e-12)
-    alpha = np.r_[0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))]
+    alpha = np.r_[0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))] / ((y[i][-1] - y[i][0]) or 1.0)
 
     def guess(at: Any) -> np.ndarray:
         return np.array([np.interp(at, t, alpha), np.interp(at, t, y[1 - i])])
 
     assert form.lifted is not None
-    return Regular(_stated(along, metric, ends), guess, ca.depends_on(form.lifted[0], s.y[1 - i]), factor * common)
+    return Regular(_stated(along, metric), guess, ca.depends_on(form.lifted[0], s.y[1 - i]), factor * common)
 
 
 def _square(along: AlongCurve) -> tuple[Fraction, Any]:
@@ -214,50 +222,82 @@ def _square(along: AlongCurve) -> tuple[Fraction, Any]:
     return factor, parts[0] * dx**2 + parts[1] * dx * dy + parts[2] * dy**2
 
 
+def _coordinates(along: AlongCurve) -> tuple[tuple[Any, Any], tuple[np.ndarray, np.ndarray]]:
+    """The user's two coordinates in those of the form, and their values at both ends, NaN where free."""
+    form = along.form
+    assert form.lifted is not None
+    ends = form.problem.start, form.problem.end
+    if isinstance(form.problem, Curve):
+        first, second = ca.vertsplit(form.lifted[1])
+        return (first, second), (ends[0].values(2), ends[1].values(2))
+    at = [np.array([float(end.x), float(end.values(1)[0])]) for end in ends]
+    return form.lifted[:2], (at[0], at[1])
+
+
+def _unmoved(lift: Any) -> Any:
+    """A coordinate without a constant that is added to it."""
+    if lift.is_op(ca.OP_ADD) or lift.is_op(ca.OP_SUB):
+        parts = lift.dep(0), lift.dep(1)
+        if parts[1].is_constant():
+            return parts[0]
+        if lift.is_op(ca.OP_ADD) and parts[0].is_constant():
+            return parts[1]
+    return lift
+
+
 def _in_own_unit(
     along: AlongCurve, i: int, parts: tuple[Product, Product], symbol: Any
-) -> tuple[float, tuple[float, float]]:
-    """The unit of z^2 in which its ends are 0 and 1 exactly, and these; the parts are brought to it.
+) -> tuple[float, tuple[float | None, float | None], tuple[float, float]]:
+    """The unit of z^2 in which its ends are 0 and 1 exactly, and these, None where free; the parts are brought to it.
 
     The unit is 1, and the ends must be exact, unless the user's singular coordinate is plus or minus z^2, zero at one
-    end at least, and z occurs in the metric as an even power alone.
+    end at least, and z occurs in the metric as an even power alone. The last are the ends along the singular line.
     """
-    form, z = along.form, along.symbols.y[1 - i]
-    assert form.lifted is not None
+    z = along.symbols.y[1 - i]
     powers = [part.power_of(z) for part in parts]
-    lifts = [Product(e) for e in form.lifted[:2]]
-    singular = [k for k, lift in enumerate(lifts) if lift.power_of(z) == 2 and lift.monic]
-    plain = len(singular) == 1 and all(power is not None and power % 2 == 0 for power in powers)
-    if plain and lifts[1 - singular[0]].monic and lifts[1 - singular[0]].power_of(along.symbols.y[i]) == 1:
-        ends = form.problem.start, form.problem.end
-        first, last = (abs((float(e.x), float(e.values(1)[0]))[singular[0]]) for e in ends)
-        if min(first, last) == 0.0:
+    lifts, ends = _coordinates(along)
+    singular = [k for k, lift in enumerate(map(Product, lifts)) if lift.power_of(z) == 2 and lift.monic]
+    if len(singular) == 1 and all(power is not None and power % 2 == 0 for power in powers):
+        line = Product(_unmoved(lifts[1 - singular[0]]))
+        depths = [abs(float(end[singular[0]])) for end in ends]
+        given = [depth for depth in depths if not math.isnan(depth)]
+        if line.monic and line.power_of(along.symbols.y[i]) == 1 and min(given, default=1.0) == 0.0:
             for part, power, more in zip(parts, powers, (0, 1), strict=True):
                 part.times(symbol, (power or 0) // 2 + more)
-            return max(first, last) or 1.0, (float(first > 0), float(last > 0))
-    own = [np.asarray(given, dtype=float)[0] for given in (form.ends.start, form.ends.end)]
+            first, last = (None if math.isnan(depth) else float(depth > 0) for depth in depths)
+            start, end = (float(line.factor * Fraction(float(end[1 - singular[0]]))) for end in ends)
+            # where an end is free, any unit of its size will do
+            found = float((along.evaluate(np.array([0.0, 1.0]), 0)[1 - i] ** 2).max())
+            return (max(given) if len(given) > 1 else found) or 1.0, (first, last), (start, end)
+    own = [np.asarray(given, dtype=float)[0] for given in (along.form.ends.start, along.form.ends.end)]
     _check_ends(along, own)
-    return 1.0, (float(own[0][1 - i]), float(own[1][1 - i]))
+    first, last = (float(end[1 - i]) for end in own)
+    start, end = (float(end[i]) for end in own)
+    return 1.0, (first, last), (start, end)
 
 
 def _check_ends(along: AlongCurve, ends: list[np.ndarray]) -> None:
     """Unproved where the ends in the form's coordinates are not exactly those that were given."""
     form, s, arb = along.form, along.symbols, flint().arb
-    assert form.lifted is not None
-    lift = Program(ca.Function("lift", [s.x, s.y, s.parameters], [ca.vertcat(*form.lifted[:2])]))
+    if np.isnan(ends).any():
+        raise Unproved(FREE_ROOT)
+    lifts, given = _coordinates(along)
+    lift = Program(ca.Function("lift", [s.x, s.y, s.parameters], [ca.vertcat(*lifts)]))
     parameters = [Jet(arb(float(v))) for v in form.problem.parameter_values]
-    if any(lift.is_op(op) for lift in form.lifted[:2] for op in (ca.OP_POW, ca.OP_CONSTPOW)):
+    if any(lift.is_op(op) for lift in lifts for op in (ca.OP_POW, ca.OP_CONSTPOW)):
         raise Unproved(BROKEN_POWER)
-    for end, at, own in ((form.problem.start, 0.0, ends[0]), (form.problem.end, 1.0, ends[1])):
+    for place, at, own in zip(given, (0.0, 1.0), ends, strict=True):
         places = [Jet(arb(at))], [Jet(arb(float(v))) for v in own], parameters
-        given = float(end.x), float(end.values(1)[0])
         found = [jet.value for jet in jets(lift, places, 0)[0]]
-        if not all(v.is_exact() and v == arb(exact) for v, exact in zip(found, given, strict=True)):
+        if not all(v.is_exact() and v == arb(float(exact)) for v, exact in zip(found, place, strict=True)):
             raise Unproved("an end is rounded in the coordinate in which it is regular")
 
 
-def _stated(along: AlongCurve, metric: Metric, ends: list[np.ndarray]) -> Problem:
+def _stated(along: AlongCurve, metric: Metric) -> Problem:
     s, given, i = along.symbols, along.form.problem, metric.cyclic
+    start, end = metric.along_line
+    # as a difference of two numbers the distance is no more rounded than they are
+    across = {LINE_START: start, LINE_END: end} if start != end else {LINE_START: 0.0, LINE_END: 1.0}
 
     def placed(expression: Any, q: Any, p: Any) -> Any:
         values = [getattr(p, name) for name in given.parameters]
@@ -266,19 +306,17 @@ def _stated(along: AlongCurve, metric: Metric, ends: list[np.ndarray]) -> Proble
         return ca.substitute([expression], old, new)[0]
 
     def energy(t: Any, q: Any, v: Any, p: Any) -> Any:
-        return placed(metric.a, q, p) * v[0] ** 2 + placed(metric.c, q, p) * v[1] ** 2
+        far = getattr(p, LINE_END) - getattr(p, LINE_START)
+        return placed(metric.a, q, p) * (far * v[0]) ** 2 + placed(metric.c, q, p) * v[1] ** 2
 
     def distance(t: Any, q: Any, v: Any, p: Any) -> Any:
         return placed(metric.b, q, p) * v[0]
 
-    start, end = (float(v[i]) for v in ends)
-    if Fraction(end) - Fraction(start) != Fraction(end - start):
-        raise Unproved("the distance between the ends along the singular line is rounded")
     first, last = metric.ends
-    return Problem(
-        energy, Fixed(0.0, (0.0, first)), Fixed(1.0, (None, last)), [Isoperimetric(distance, end - start)],
-        parameters={**given.parameters, UNIT: metric.unit}, name=given.name,
-    )  # fmt: skip
+    until = Free(1.0) if last is None else Fixed(1.0, (None, last))
+    level = Isoperimetric(distance, 0.0 if start == end else 1.0)
+    numbers = {**given.parameters, UNIT: metric.unit, **across}
+    return Problem(energy, Fixed(0.0, (0.0, first)), until, [level], parameters=numbers, name=given.name)
 
 
 def check_forward(setting: Setting) -> None:
