@@ -308,3 +308,15 @@ def test_a_free_end_that_costs_stays_where_it_is():
     c, u = mpmath.sqrt(h / 4), (mpmath.sqrt(4 + 36 * h) - 2) / 12  # 8 u = 6 (h - 4 u^2)
     exact = rise(8, h, c) + rise(8, h, u) - 8 * h * (1 - c - u) + 3 * (h - 4 * u**2) ** 2
     assert holds(vc.certify(vc.solve(problem)), exact)
+
+
+def test_a_mesh_that_ends_a_bit_of_round_off_beside_the_interval():
+    """A load under a ceiling: -f^2 c^3/3 - f h (T - 2 c), c = sqrt(2 h/f), to less than a bit of T."""
+    f, T, h = 6.1750694964189705, 0.9309929118798045, 0.663771401645407
+    ceiling = [vc.Bound(lambda x, y, v: y, upper=h)]
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 - f * y, vc.Fixed(0, 0), vc.Fixed(T, 0), ceiling)
+    certificate = vc.certify(vc.solve(problem))
+    F, L, H = map(mpmath.mpf, (f, T, h))
+    c = mpmath.sqrt(2 * H / F)
+    low, high = (mpmath.mpf(g.numerator) / g.denominator for g in map(Fraction, certificate.enclosure))
+    assert low <= -(F**2) * c**3 / 3 - F * H * (L - 2 * c) <= high

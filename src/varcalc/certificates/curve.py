@@ -120,8 +120,14 @@ def sampled(statement: Statement) -> list[Samples]:
 
 
 def _edges(statement: Statement) -> list[float]:
-    """The vertices of the curve, and the knots of tables in place of those that lie all but on one."""
+    """The vertices of the curve, and the knots of tables in place of those that lie all but on one.
+
+    The ends and the waypoints are those of the problem: vertices may be a bit of round-off away.
+    """
     vertices, knots = distinct(statement.along.vertices), np.array(statement.knots)
+    given = [*statement.along.span, *statement.waypoints]
+    apart = np.abs(vertices[:, None] - given).min(axis=1) > SHORTEST * statement.along.length
+    vertices = np.unique([*vertices[apart], *given])
     if not len(knots):
         return vertices.tolist()
     apart = np.abs(vertices[:, None] - knots).min(axis=1) > SHORTEST * (vertices[-1] - vertices[0])
