@@ -102,13 +102,6 @@ def test_a_wrong_curve_over_a_table_widens_the_interval_or_is_refused(power, bou
     assert low <= mpmath.mpf("0.25") / total <= high
 
 
-def test_a_table_that_the_curve_crosses_a_knot_of_is_named():
-    index = ca.interpolant("index", "bspline", [[-1.0, 0.0, 0.25, 0.5, 1.0]], [1.0, 1.1, 1.25, 1.3, 1.2])
-    solution = vc.solve(vc.Problem(lambda x, y, v: index(y) * ca.sqrt(1 + v**2), vc.Fixed(0, 0.125), vc.Fixed(1, 0.4)))
-    with pytest.raises(vc.VariationalError, match="the table index, which switches there"):
-        vc.certify(solution)
-
-
 def test_a_table_of_two_arguments_is_named():
     grid = [[0.0, 0.5, 1.0], [-1.0, 0.0, 1.0]]
     surface = ca.interpolant("surface", "linear", grid, np.ones(9))

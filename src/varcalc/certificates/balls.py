@@ -146,6 +146,12 @@ class Box:
         cuts = [self.low, *((self.low + k * step).mid() for k in range(1, count)), self.high]
         return [Box(self.centre, self.half, a, b) for a, b in pairwise(cuts)]
 
+    def ends_apart(self, share: float) -> list[Box]:
+        """Parts of that share at both ends, and what is between them."""
+        inside = (self.high - self.low) * flint().arb(share)
+        cuts = [self.low, (self.low + inside).mid(), (self.high - inside).mid(), self.high]
+        return [Box(self.centre, self.half, a, b) for a, b in pairwise(cuts)]
+
     def cut(self, width: float) -> tuple[Box, Box | None]:
         """The first part, of about that half-width, and the rest; all of the box where little more is left."""
         middle = self.low + flint().arb(2.0 * width)

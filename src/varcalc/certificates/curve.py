@@ -27,6 +27,7 @@ from varcalc.certificates.balls import (
     polynomial,
     transform,
 )
+from varcalc.certificates.crossings import edges_at_crossings
 from varcalc.certificates.statement import Statement
 from varcalc.verify.given_curve import distinct
 
@@ -102,7 +103,7 @@ class Piece:
 
 def sampled(statement: Statement) -> list[Samples]:
     """The solution's curve at the nodes of pieces on which it is resolved."""
-    edges = _edges(statement)
+    edges = edges_at_crossings(statement, _edges(statement))
     done = [_samples(statement, a, b) for a, b in pairwise(edges)]
     shortest = SHORTEST * (edges[-1] - edges[0])
     while len(done) < MOST_PIECES:
@@ -133,6 +134,13 @@ def _edges(statement: Statement) -> list[float]:
     apart = np.abs(vertices[:, None] - knots).min(axis=1) > SHORTEST * (vertices[-1] - vertices[0])
     kept = apart | np.isin(vertices, [vertices[0], vertices[-1], *statement.waypoints])
     return sorted({*vertices[kept].tolist(), *knots.tolist()})
+
+
+def at_crossings(statement: Statement, samples: list[Samples]) -> list[Samples]:
+    """The samples on pieces that meet where the curve crosses what H switches on."""
+    edges = [float(s.x[0]) for s in samples] + [float(samples[-1].x[-1])]
+    moved = edges_at_crossings(statement, edges)
+    return samples if moved == edges else sampled_on(statement, moved)
 
 
 def sampled_on(statement: Statement, edges: Sequence[float]) -> list[Samples]:

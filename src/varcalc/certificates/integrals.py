@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Box, Series, coefficient, enclosed, flint, integral, largest
 from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import dynamics
-from varcalc.certificates.jets import Undecided
+from varcalc.certificates.jets import Undecided, head
 from varcalc.certificates.statement import Statement
 
 TERMS = 20
 """Order of the Taylor forms of integrals."""
 MOST_BOXES = 600
+SLIVER = 2.0**-48
+"""Length of a box, relative to where it lies, up to which H may switch anywhere in it: it is taken on either side."""
 FALLS, AIM = 30.0, 1e-2
 """The power of a box's length that remainders fall with, more than that of their order as balls are narrower; what a
 remainder is to be of what is allowed."""
@@ -59,25 +62,48 @@ def along_curve(
     allowed = 2.0 * tolerance / length
     value, residuals, boxes, tried = flint().arb(0), [], [], 0
     for k, piece in enumerate(pieces):
-        rest, step = piece.box(), 1.0
-        while rest is not None:
-            box, after = rest.cut(step)
+        waiting, step = [piece.box()], 1.0
+        sliver = float(((abs(piece.centre) + piece.half) / piece.half).mid()) * SLIVER
+        while waiting:
+            first = waiting.pop()
+            box, after = first.cut(step)
             tried += 1
-            reason, found, excess = "it is too rough there", None, math.inf
-            try:
-                found = _on_box(statement, piece, box, sizes, allowed)
-                excess = found[2]
-            except Undecided as undecided:
-                reason = str(undecided)
-            if found is not None and excess <= 1.0:
+            found, reason = _enclosed(statement, piece, box, sizes, allowed, sliver)
+            if found is not None and found[2] <= 1.0:
                 value += found[0]
                 residuals.append(found[1])
                 boxes.append((k, box))
-                rest = after
+                waiting += [] if after is None else [after]
             elif tried > MOST_BOXES or box.narrow:
                 raise Unproved(f"the Lagrangian is not enclosed near {box.at:.6g}: {reason}")
-            step = float(box.width) * _longer(excess)
+            else:
+                apart = found is None and first.width == 1
+                waiting += reversed(first.ends_apart(sliver)) if apart else [first]
+            step = 1.0 if box.width <= sliver else float(box.width) * _longer(math.inf if found is None else found[2])
     return Along(value, residuals, boxes)
+
+
+OnBox: TypeAlias = tuple[Ball, tuple[Ball, Ball], float]
+"""The integral of H over a box; bounds of |r| and |q|; and how many times too large remainders are."""
+
+
+def _enclosed(
+    statement: Statement,
+    piece: Piece,
+    box: Box,
+    sizes: tuple[np.ndarray, np.ndarray],
+    allowed: float,
+    sliver: float,
+) -> tuple[OnBox | None, str]:
+    """What is found on a box; None, and the reason, where H is not enclosed. On a sliver H may switch."""
+    try:
+        return _on_box(statement, piece, box, sizes, allowed), "it is too rough there"
+    except Undecided as undecided:
+        reason = str(undecided)
+    try:
+        return (_across(statement, piece, box, sizes) if box.width <= sliver else None), reason
+    except Undecided as undecided:
+        return None, str(undecided)
 
 
 def _longer(excess: float) -> float:
@@ -88,8 +114,7 @@ def _longer(excess: float) -> float:
 
 def _on_box(
     statement: Statement, piece: Piece, box: Box, sizes: tuple[np.ndarray, np.ndarray], allowed: float
-) -> tuple[Ball, tuple[Ball, Ball], float]:
-    """The integral of H over a box; bounds of |r| and |q|; and how many times too large remainders are."""
+) -> OnBox:
     views = [_terms(statement, piece, Around(box, TERMS + whole, whole)) for whole in (False, True)]
     (L, r, q), (L_, r_, q_) = views
     main, rest = integral(L, L_, TERMS)
@@ -109,10 +134,31 @@ def _on_box(
     return (main + rest) * box.unit, (bounds[0], bounds[1]), excess
 
 
-def _terms(statement: Statement, piece: Piece, around: Around) -> tuple[Series, list[Series], list[Series]]:
-    """H, and the residuals r and q, as series."""
+def _across(statement: Statement, piece: Piece, box: Box, sizes: tuple[np.ndarray, np.ndarray]) -> OnBox:
+    """The same of all that H is on either side of what it switches on."""
+    L, r, q = map(_heads, _terms(statement, piece, Around(box, 2, True), crossing=True))
+    bounds = []
+    for rows, unit in ((r, sizes[0]), (q, sizes[1])):
+        squares = [(abs(v).upper() * size) ** 2 for v, size in zip(rows, unit[: len(rows)].tolist(), strict=True)]
+        bounds.append(sum(squares, flint().arb(0)).sqrt().upper())
+    if not all(v.is_finite() for v in (*L, *bounds)):
+        raise Undecided("it is not a number throughout")
+    return 2 * L[0] * box.unit, (bounds[0], bounds[1]), 0.0
+
+
+def _heads(terms: Series | list[Series]) -> list[Ball]:
+    return [flint().arb(0) + head(v) for v in (terms if isinstance(terms, list) else [terms])]
+
+
+def _terms(
+    statement: Statement, piece: Piece, around: Around, *, crossing: bool = False
+) -> tuple[Series, list[Series], list[Series]]:
+    """H, and the residuals r and q, as series; as numbers where H may be ``crossing`` what it switches on."""
     states, controls = piece.lifted(around)
-    jet = statement.jet(around.abscissa(), states, controls, 1, piece.switches)
+    x = around.abscissa()
+    if crossing:
+        x, states, controls = x[0], list(map(head, states)), list(map(head, controls))
+    jet = statement.jet(x, states, controls, 1, piece.switches, crossing=crossing)
     p = [around.series(around.box.local(m)) for m in piece.momenta]
     A, B = dynamics(statement.n, statement.order, statement.bare)
     m = statement.bare

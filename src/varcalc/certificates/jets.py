@@ -14,13 +14,21 @@ import casadi as ca
 import numpy as np
 
 from varcalc.certificates.balls import Series, flint
-from varcalc.certificates.splines import cell_of, horner, spline
+from varcalc.certificates.splines import cell_of, horner, smooth_at, spline
 from varcalc.symbolic.instructions import NAMES, Call, Program, instructions
 from varcalc.symbolic.look_up import WITHIN
 
 
 class Undecided(ArithmeticError):
     """An operation has no value, or none that is smooth, throughout a box."""
+
+
+class Crossed(Undecided):
+    """What numbers switch on has either sign; ``signs`` are all before it."""
+
+    def __init__(self, signs: Sequence[int | None]) -> None:
+        super().__init__("what is switched on is crossed")
+        self.signs = list(signs)
 
 
 class Jet:
@@ -39,20 +47,27 @@ class Algebra:
 
     ``switches`` are signs known beforehand of what operations switch on, in the order in which these come, None where
     they are to be found; ``signs`` are all that came. With ``between`` a sign may vanish at the ends of the interval.
+
+    With ``crossing`` numbers, which are no series, may have either sign where that hangs on the abscissa alone or the
+    function goes on smoothly: :class:`Crossed` tells of it.
     """
 
-    def __init__(self, order: int, switches: Sequence[int | None] = (), *, between: bool = False) -> None:
-        self.order, self.switches, self.between = order, switches, between
+    def __init__(
+        self, order: int, switches: Sequence[int | None] = (), *, between: bool = False, crossing: bool = False
+    ) -> None:
+        self.order, self.switches, self.between, self.crossing = order, switches, between, crossing
         self.signs: list[int | None] = []
 
-    def sign(self, jet: Jet, name: str) -> int:
-        """-1 or 1 where a jet keeps its sign; Undecided where it does not."""
+    def sign(self, jet: Jet, name: str, *, smooth: bool = False) -> int:
+        """-1 or 1 where a jet keeps its sign; Undecided where it does not, ``smooth`` as the function may go on."""
         # after the first that is not known the way through the operations may be another
         known = self.switches[len(self.signs)] if len(self.signs) < len(self.switches) else None
         sign = known or _sign(jet)
         if self.between:
             # after one that is not known whatever was taken for it may be what the next ones hang on
             sign = None if None in self.signs else sign_between(jet)
+        if sign is None and self.crossing and (smooth or not jet.first) and isinstance(jet.value, flint().arb):
+            raise Crossed(self.signs)
         self.signs.append(sign)
         if sign is None:
             if self.between:
@@ -93,7 +108,8 @@ class Algebra:
         first, last = 0, len(places) - 1
         while last - first > 1:
             middle = (first + last) // 2
-            if self.sign(self.sum(a, self.constant(places[middle]), -1), name) > 0:
+            smooth = self.crossing and smooth_at(call.function, places[middle])
+            if self.sign(self.sum(a, self.constant(places[middle]), -1), name, smooth=smooth) > 0:
                 first = middle
             else:
                 last = middle
@@ -352,6 +368,8 @@ def _sign(jet: Jet) -> int | None:
 
 ABSCISSA = -1
 """The number of the abscissa where it is a variable as well."""
+MOST_SIDES = 16
+"""Of what is crossed at once."""
 
 
 def sign_between(jet: Jet) -> int | None:
@@ -467,11 +485,50 @@ def without_enclosure(function: ca.Function) -> str:
 
 
 def jets(
-    program: Program, arguments: Sequence[Sequence[Jet]], order: int, switches: Sequence[int | None] = ()
+    program: Program,
+    arguments: Sequence[Sequence[Jet]],
+    order: int,
+    switches: Sequence[int | None] = (),
+    *,
+    crossing: bool = False,
 ) -> list[list[Jet]]:
-    """The nonzeros of each result of an SX function, enclosed with their derivatives up to ``order``."""
-    algebra = Algebra(order, switches)
-    return program.run(arguments, algebra.constant, algebra.apply)
+    """The nonzeros of each result of an SX function, enclosed with their derivatives up to ``order``.
+
+    With ``crossing`` numbers, which are no series, may cross what is switched on at abscissae, and knots at which a
+    table and its slope go on: results hold what they are on either side.
+    """
+    waiting: list[Sequence[int | None]] = [switches]
+    sides: list[list[list[Jet]]] = []
+    while waiting:
+        # at order 0 nothing tells what hangs on states
+        algebra = Algebra(order, waiting.pop(), crossing=crossing and order > 0)
+        try:
+            sides.append(program.run(arguments, algebra.constant, algebra.apply))
+        except Crossed as fork:
+            waiting += [[*fork.signs, sign] for sign in (1, -1)]
+            if len(waiting) + len(sides) > MOST_SIDES:
+                raise Undecided("too much is switched on there") from None
+    if len(sides) == 1:
+        return sides[0]
+    return [[_joined(found) for found in zip(*rows, strict=True)] for rows in zip(*sides, strict=True)]
+
+
+def _joined(sides: Sequence[Jet]) -> Jet:
+    """What holds each of some jets of numbers."""
+
+    def union(parts: Sequence[Any]) -> Any:
+        total = flint().arb(0) + parts[0]
+        for part in parts[1:]:
+            total = total.union(flint().arb(0) + part)
+        return total
+
+    first = {key for side in sides for key in side.first}
+    second = {key for side in sides for key in side.second}
+    return Jet(
+        union([side.value for side in sides]),
+        {key: union([side.first.get(key, 0) for side in sides]) for key in first},
+        {key: union([side.second.get(key, 0) for side in sides]) for key in second},
+    )
 
 
 def switches_between(program: Program, arguments: Sequence[Sequence[Jet]]) -> list[int | None]:

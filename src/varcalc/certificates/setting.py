@@ -11,7 +11,16 @@ import numpy as np
 
 from varcalc.certificates.balls import Ball, flint
 from varcalc.certificates.closer import stationary
-from varcalc.certificates.curve import Piece, Samples, joint_states, pieces, sampled, sampled_on, state_sizes
+from varcalc.certificates.curve import (
+    Piece,
+    Samples,
+    at_crossings,
+    joint_states,
+    pieces,
+    sampled,
+    sampled_on,
+    state_sizes,
+)
 from varcalc.certificates.ends import tied
 from varcalc.certificates.integrals import Along, Unproved, along_curve
 from varcalc.certificates.jets import without_enclosure
@@ -63,7 +72,10 @@ def setting_along(along: AlongCurve, value: float, beside: Any = 0, *, as_found:
     if strange:
         raise Unproved(f"the Lagrangian holds {strange}, of which no enclosure is known")
     samples = sampled(stated)
-    return setting_of(*((stated, samples) if as_found else stationary(stated, samples)), value)
+    if not as_found:
+        stated, samples = stationary(stated, samples)
+        samples = at_crossings(stated, samples)
+    return setting_of(stated, samples, value)
 
 
 def setting_of(stated: Statement, samples: list[Samples], value: float) -> Setting:

@@ -90,6 +90,19 @@ def cell_of(function: ca.Function, knot: float) -> tuple[Ball, ...]:
     return tuple(found.arb(found.fmpq(c.numerator, c.denominator)) for c in exact)
 
 
+@lru_cache(maxsize=KEPT_CELLS)
+def smooth_at(function: ca.Function, knot: float) -> bool:
+    """Whether a table and its slope are one on both sides of a knot between its ends, exactly."""
+    read = spline(function)
+    assert read is not None
+    left = float(read.knots[np.searchsorted(read.knots, knot, "left") - 1])
+    before, after = (*polynomial_of(read, left), 0, 0), (*polynomial_of(read, knot), 0, 0)
+    way = Fraction(knot) - Fraction(left)
+    value = sum((c * way**k for k, c in enumerate(before)), Fraction(0))
+    slope = sum((k * c * way ** (k - 1) for k, c in enumerate(before) if k), Fraction(0))
+    return (value, slope) == after[:2]
+
+
 def horner(coefficients: Sequence[Ball], x: Series, order: int) -> tuple[Series, ...]:
     """A polynomial and its derivatives up to ``order``."""
     results: list[Any] = []

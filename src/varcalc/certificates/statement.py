@@ -237,9 +237,15 @@ class Statement:
         controls: Sequence[Series],
         order: int,
         switches: Sequence[int | None],
+        *,
+        crossing: bool = False,
     ) -> Jet:
-        """H in balls; derivatives by the states are numbered from 0, those by the controls follow."""
-        return jets(self.program, self._variables(x, states, controls, order), order, switches)[0][0]
+        """H in balls; derivatives by the states are numbered from 0, those by the controls follow.
+
+        ``crossing`` is that of :func:`jets`.
+        """
+        arguments = self._variables(x, states, controls, order)
+        return jets(self.program, arguments, order, switches, crossing=crossing)[0][0]
 
     def level_jets(self, x: Series, states: Sequence[Series], controls: Sequence[Series], order: int) -> list[Jet]:
         """What is integrated to levels, in balls, numbered as in :meth:`jet`."""

@@ -127,7 +127,11 @@ class Prover:
             return True
 
     def _holds_at_middle(self, k: int, box: Box) -> bool:
-        demands, matrices = self._demands(k, Around(box, AT_MIDDLE, False), AT_MIDDLE)
+        return self._holds_for_numbers(k, Around(box, AT_MIDDLE, False))
+
+    def _holds_for_numbers(self, k: int, around: Around) -> bool:
+        """Whether the inequality is proved at the middle of a box, or at once on all of it; L may switch there."""
+        demands, matrices = self._demands(k, around, AT_MIDDLE)
         heads = [[[v[0] for v in row] for row in matrix] for matrix in matrices]
         return _positive([d[0] for d in demands]) and all(definite([flint().arb_mat(matrix)]) for matrix in heads)
 
@@ -175,6 +179,12 @@ class Prover:
         return cuts
 
     def _holds(self, k: int, box: Box) -> bool:
+        try:
+            return self._holds_smoothly(k, box)
+        except Undecided:
+            return self._holds_for_numbers(k, Around(box, AT_MIDDLE, True))
+
+    def _holds_smoothly(self, k: int, box: Box) -> bool:
         views = [self._demands(k, Around(box, TERMS + 1 + w, w), TERMS + 1 + w) for w in (False, True)]
         (demands, matrices), (beside, rests) = views
         return _enclosed_positive(demands, beside) and all(map(_definite, matrices, rests))
@@ -231,7 +241,7 @@ class Prover:
             controls = [
                 s + found.arb(0, tube.rho[k] * size) for s, size in zip(controls, tube.sizes[1].tolist(), strict=True)
             ]
-        second = statement.jet(x, states, controls, 2, piece.switches).second
+        second = statement.jet(x, states, controls, 2, piece.switches, crossing=around.terms == AT_MIDDLE).second
         A, B = (grid.tolist() for grid in dynamics(n, statement.order, m))
         matrix: Matrix = [[0] * (m + n) for _ in range(m + n)]
         places = [*range(bare), *range(m, m + n)]
