@@ -139,8 +139,10 @@ def _across(statement: Statement, piece: Piece, box: Box, sizes: tuple[np.ndarra
     L, r, q = map(_heads, _terms(statement, piece, Around(box, 2, True), crossing=True))
     bounds = []
     for rows, unit in ((r, sizes[0]), (q, sizes[1])):
-        squares = [(abs(v).upper() * size) ** 2 for v, size in zip(rows, unit[: len(rows)].tolist(), strict=True)]
-        bounds.append(sum(squares, flint().arb(0)).sqrt().upper())
+        squares = flint().arb(0)
+        for v, size in zip(rows, unit[: len(rows)].tolist(), strict=True):
+            squares += (abs(v).upper() * size) ** 2
+        bounds.append(squares.sqrt().upper())
     if not all(v.is_finite() for v in (*L, *bounds)):
         raise Undecided("it is not a number throughout")
     return 2 * L[0] * box.unit, (bounds[0], bounds[1]), 0.0
