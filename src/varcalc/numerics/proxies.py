@@ -83,7 +83,7 @@ class Functions(Protocol):
 class Proxies:
     """Series of F functions of the ``family`` (P,) on panels from ``low`` to ``high`` (P,): ``coefficients`` (P, F, N).
 
-    ProxyPanels are in order of families, and in each of places. ``at_edges`` (P, 2, F) are the functions' own values at
+    Panels are in order of families, and in each of places. ``at_edges`` (P, 2, F) are the functions' own values at
     ``ends`` (P, 2), the edges or next to those. ``given_up`` counts by family (n,) panels on which no series stands
     for what exists, ``looked_at`` (n,) places.
     """
@@ -122,7 +122,7 @@ _AT_CHECKED = chebyshev.chebvander(CHECKED, DEGREE)
 
 @dataclass(frozen=True)
 class ProxyPanels:
-    """ProxyPanels of each ``family`` (P,) from ``low`` to ``high`` (P,) with the functions' ``values`` (P, N + 2, F).
+    """Panels of each ``family`` (P,) from ``low`` to ``high`` (P,) with the functions' ``values`` (P, N + 2, F).
 
     Series of ``coefficients`` (P, F, N) stand for the functions where they are ``fine`` (P,).
     """
