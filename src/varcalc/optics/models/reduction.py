@@ -227,7 +227,10 @@ class Profile(RayPotential):
 
     @cached_property
     def _index_at_centre(self) -> float:
-        return float(ca.evalf(self._plain.index(ca.DM.zeros(2)))) if self.about_centre else np.nan
+        if not self.about_centre:
+            return np.nan
+        place = ca.SX.sym("place", 2)  # where a table ends before the centre there is no number
+        return float(ca.Function("index", [place], [self._plain.index(place)])(ca.DM.zeros(2)))
 
     def _position(self, u: Expression) -> Expression:
         return ca.vertcat(self.unit * ca.exp(u), 0) if self.about_centre else ca.vertcat(0, u)
