@@ -491,3 +491,14 @@ def test_a_body_stays_beside_a_jump_that_it_came_through(problem):
     assert found.error.value < 1e-9
     assert not found.local
     assert vc.verify(found).verdict is vc.Verdict.MINIMUM
+
+
+def test_a_fall_off_a_step_keeps_a_bound_of_its_slope():
+    # as steep as may be, and not as steep as the energy says: v^2/2 + PRICE - LIFT y for 0.5, at rest then
+    problem, _ = under_a_step(0.5, None, 2.0)
+    bounded = problem.restated(constraints=[vc.Bound(lambda x, y, v: v, lower=-1, upper=1)])
+    found = vc.solve(bounded)
+    exact = 0.5 * (0.5 + PRICE) - LIFT * 0.5**2 / 2
+    assert found.local or abs(found.value - exact) <= 10 * found.error.value + 1e-11
+    assert found.value >= exact - 1e-9
+    assert np.abs(found.dy(np.linspace(0, 2, 999))).max() <= 1 + 1e-9

@@ -18,8 +18,18 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.broken_curve import with_rival
-from varcalc.existence.levels import PIECES, PIECES_ACROSS, PolygonLattice, across_the_landscape
-from varcalc.existence.polygons import Graphs, Landscape, Lattice, Valley, Valleys, at_ends
+from varcalc.existence.polygons import (
+    PIECES,
+    PIECES_ACROSS,
+    Graphs,
+    Landscape,
+    Lattice,
+    PolygonLattice,
+    Valley,
+    Valleys,
+    across_the_landscape,
+    at_ends,
+)
 from varcalc.formulation import Sampled
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss

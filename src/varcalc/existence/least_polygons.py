@@ -14,9 +14,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.directions import Departures, along_directions, columns, polygonal
-from varcalc.existence.levels import NEAR, PIECES, PIECES_ACROSS, PolygonLattice, across_the_landscape
 from varcalc.existence.moved_polygons import marked, refined
-from varcalc.existence.polygons import Valley
+from varcalc.existence.polygons import NEAR, PIECES, PIECES_ACROSS, PolygonLattice, Valley, across_the_landscape
 from varcalc.existence.together import AlongAxes, together
 from varcalc.formulation import Form, formulate
 from varcalc.problem.conditions import Holonomic, Isoperimetric

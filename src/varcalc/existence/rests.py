@@ -99,7 +99,8 @@ def with_rests(
         curve, same = led[0].curve, len(kept) == len(contacts) and len(_ways(problem, kept)) == len(ways)
         following = list(surfaces.following(curve, kept, sides)) if same else kept
         if same and following == kept:
-            if not all(surfaces.holds(curve, c, _beside(problem, kept, c, pieces)) for c in kept):
+            held = all(surfaces.holds(curve, c, _beside(problem, kept, c, pieces)) for c in kept)
+            if not (held and surfaces.within_bounds(curve, solution.x)):
                 return None
             own = resampled(curve, solution.x, 2)
             off = [surfaces.off_by(curve, c, _beside(problem, kept, c, pieces)) for c in kept]
@@ -389,6 +390,16 @@ class _Surfaces:
                         first, last = x[max(run[0] - 1, 0)], x[min(run[-1] + 1, len(x) - 1)]
                         others.append(Contact(condition.index, level, float(first), float(last)))
         yield from self._with_others(contacts, others)
+
+    def within_bounds(self, curve: CurveOrSlope, vertices: np.ndarray) -> bool:
+        """Whether a curve keeps all bounds on each of the ways between ``vertices``."""
+        for way in pairwise(vertices.tolist()):
+            values = self.values(curve, np.linspace(*way, PLACES_OF_WAY)[1:-1])
+            for k, condition in enumerate(self.conditions[len(self.switches) :], len(self.switches)):
+                room = STRAYING * float(np.abs(values[k]).max())
+                if any((excess > room).any() for _, excess in self._beyond(condition, values[k])):
+                    return False
+        return True
 
     @staticmethod
     def _beyond(condition: SideCondition, values: np.ndarray) -> list[tuple[float, np.ndarray]]:

@@ -13,9 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from varcalc.existence.directions import AlongDirection, Departures
-from varcalc.existence.levels import NEAR
 from varcalc.existence.moved_polygons import costs, moved
-from varcalc.existence.polygons import Lattice, Valley
+from varcalc.existence.polygons import NEAR, Lattice, Valley
 from varcalc.formulation import Sampled
 
 PIECES_TOGETHER = 8
