@@ -474,7 +474,7 @@ def under_a_step(start, end, span, rough=0.0, moving=0.0, sign=1):
     "problem",
     [
         under_a_step(0.5, None, 1.5),
-        under_a_step(1.0, None, 4.0),
+        under_a_step(1.0, None, 2.5),  # on a longer way it is least to rise
         under_a_step(0.5, 0.8, 3.0),
         under_a_step(0.5, None, 2.0, rough=0.4),
         under_a_step(0.5, 0.8, 3.0, rough=0.4),
@@ -502,3 +502,14 @@ def test_a_fall_off_a_step_keeps_a_bound_of_its_slope():
     assert found.local or abs(found.value - exact) <= 10 * found.error.value + 1e-11
     assert found.value >= exact - 1e-9
     assert np.abs(found.dy(np.linspace(0, 2, 999))).max() <= 1 + 1e-9
+
+
+def test_what_rises_above_a_step_is_held_against_what_falls_off_it():
+    """y'' = -lift all along, to a free end: no lattice about the curve at rest beside the step shows it."""
+    price, lift, start, span = 1.07, 1.3, 0.36, 1.5
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + price * ca.if_else(y > 0, 1, 0) - lift * y, vc.Fixed(0, start), vc.Free(span)
+    )
+    found = vc.solve(problem)
+    exact = price * span - lift * start * span - lift**2 * span**3 / 6
+    assert abs(found.value - exact) <= found.error.value + 1e-12
