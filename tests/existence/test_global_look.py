@@ -349,3 +349,26 @@ def test_a_well_that_bounded_slopes_lead_to_in_any_unit(height, width):
     )
     solution = vc.solve(problem)
     assert abs(solution.value - width * (0.25 - 1)) <= 10 * solution.error.value + 1e-11 * width
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("steep", [1.0, 1.3])
+def test_what_falls_on_on_both_sides_of_a_hill_is_two_valleys(side, steep):
+    """About the one no slope of a lattice leads into the other: what is steep costs too much."""
+
+    def action(x, y, v, library):
+        turned = side * y
+        hill = 1.352 / (1 + ((turned - 0.534) / 0.38) ** 2) * (1 + 0.03 * library.sin(0.672 * x))
+        return steep * v**6 / 6 + v**2 / 2 + hill - 0.407 * library.sqrt(1 + y**2) * (1 + 0.03 * library.cos(0.672 * x))
+
+    problem = vc.Problem(
+        lambda x, y, v: action(x, y, v, ca), vc.Fixed(0, 0), vc.Free(3),
+        end_cost=lambda x0, y0, x1, y1: -0.701 * side * y1,
+    )  # fmt: skip
+    found = vc.solve(problem)
+    x, weights = np.polynomial.legendre.leggauss(200)
+    x, weights = 1.5 * (1 + x), 1.5 * weights
+    slopes = np.linspace(-1.5, 1.5, 61)
+    straight = min(float(action(x, v * x, v + 0 * x, np) @ weights) - 0.701 * side * 3 * v for v in slopes)
+    assert found.value < straight
+    assert not found.local

@@ -113,6 +113,12 @@ class Departures:
         start, end = (not self.closed and bool(slides or np.isfinite(values).any()) for slides, values in ends)
         return start, end
 
+    def given_slopes(self, functions: np.ndarray) -> tuple[bool, bool]:
+        """At which ends the slope of any of the ``functions``, a mask (n,), is given."""
+        ends = (self.problem.start, self.problem.end)
+        start, end = (bool(np.isfinite(end.slopes(self.problem.n)[functions]).any()) for end in ends)
+        return start, end
+
     def _own(self, x: np.ndarray) -> list[np.ndarray]:
         """The curve and its derivatives at x, each (n, *x.shape)."""
         key = x.tobytes()
@@ -121,19 +127,22 @@ class Departures:
                 self._known[key] = [self.curve(x.ravel(), k) for k in range(self.problem.order + 1)]
         return [rows.reshape(len(rows), *x.shape) for rows in self._known[key]]  # there may be no places
 
-    def values(self, x: np.ndarray, away: Rows, rates: Rows) -> np.ndarray:
+    def values(self, x: np.ndarray, away: Rows, rates: Rows, turns: Rows | None = None) -> np.ndarray:
         """L with its levels by their multipliers, as it is minimised; infinite beyond a bound.
 
-        Of a function that does not depart ``away`` and ``rates`` are None.
+        Of a function that does not depart ``away`` and ``rates`` are None. Without ``turns``, the second derivatives
+        of what departs, all bend as the known curve does.
         """
-        return self.least([(v, v) for v in self._columns(x, away, rates)])
+        return self.least([(v, v) for v in self._columns(x, away, rates, turns)])
 
-    def _columns(self, x: np.ndarray, away: Rows, rates: Rows) -> list[np.ndarray]:
+    def _columns(self, x: np.ndarray, away: Rows, rates: Rows, turns: Rows | None = None) -> list[np.ndarray]:
         """L and what is bounded or levelled, as they are stated."""
         own, slopes, *bends = self._own(x)
         place = [c if y is None else c + y for c, y in zip(own, away, strict=True)]
         turned = [c if v is None else c + v for c, v in zip(slopes, rates, strict=True)]
         bent = [row for rows in bends for row in rows]
+        if turns is not None:
+            bent = [c if a is None else c + a for c, a in zip(bent, turns, strict=True)]
         return columns(self.problem)(x, place, turned, bent, *self.numbers)
 
     def free_of_levels(self, x: np.ndarray, weights: np.ndarray, away: Rows, rates: Rows) -> bool:
@@ -170,9 +179,10 @@ class Departures:
 
     def at_end(self, side: int, away: np.ndarray) -> np.ndarray:
         """The cost (m,) of the ends that depart by ``away`` (m, n) from the known one; of the start, what that adds."""
-        cost, own = _end_cost_at_points(self.problem), self.curve(np.array(self.span), 0)
+        cost = _end_cost_at_points(self.problem)
         if cost is None:
             return np.zeros(len(away))
+        own = self.curve(np.array(self.span), 0)
         ends = [np.repeat(own[:, [k]], 1 + len(away), axis=1) for k in (0, 1)]
         ends[side][:, 1:] += away.T
         places = np.array(self.span)[:, None]

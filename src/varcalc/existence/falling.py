@@ -102,11 +102,20 @@ def falls_along(landscape: Landscape, x: np.ndarray, y: np.ndarray, away: np.nda
         values = landscape.values(s, between(y) + far * between(away), slopes)
         sums = np.einsum("tkq,k,q->t", np.broadcast_to(values, (len(far), *s.shape)), 0.5 * steps, weights)
         sums = sums + sum(landscape.at_end(side, y[-side] + far[:, 0, 0] * away[-side]) for side in (0, 1))
-        falls = sums[2:] - sums[0]
+    return falling_on(sums[0], sums[2:], float(np.abs(away).max()) * far[2:, 0, 0], landscape.sign)
+
+
+def falling_on(own: float, sums: np.ndarray, distances: np.ndarray, sign: float) -> Fall | None:
+    """The fall from what is summed at first, ``own``, to ``sums`` at distances that double, where it leads on so.
+
+    The ``sign`` is -1 where the functional is maximised.
+    """
+    with np.errstate(all="ignore"):
+        falls = sums - own
         deepens = bool(np.all((falls[1:] <= DEEPENING * falls[:-1]) | (falls[1:] == -np.inf)))
-    if not math.isfinite(sums[0]) or not deepens or not falls[-1] < -DEEP_FALL * (abs(sums[0]) + abs(falls[0]) * 1e-3):
+    if not math.isfinite(own) or not deepens or not falls[-1] < -DEEP_FALL * (abs(own) + abs(falls[0]) * 1e-3):
         return None
-    return Fall(float(np.abs(away).max()) * far[2:, 0, 0], landscape.sign * sums[2:])
+    return Fall(distances, sign * sums)
 
 
 def _directions(system: RitzSystem, start: np.ndarray) -> list[np.ndarray]:

@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.broken_curve import with_rival
+from varcalc.existence.falling import Fall
 from varcalc.existence.polygons import (
     PIECES,
     PIECES_ACROSS,
@@ -165,6 +166,7 @@ class _LookedAt:
     walled: bool = False
     directions: int = 0
     together: bool = False
+    bends: bool = False
     ends: bool = False
     narrow: bool = False
     instead: str = ""
@@ -176,16 +178,19 @@ class _LookedAt:
         if not (self.directions or self.reach):
             return "other valleys were not looked for: along the curve's own polygon L is no number"
         looked = f"all polygons on a lattice of {self.pieces} by {self.nodes}"
-        if self.directions:
+        if self.bends:
+            looked = "the least curves of cubic pieces through a box of departures and slopes"
+        elif self.directions:
             one = self.directions == 1
             looked += f" in {'the one direction' if one else f'{self.directions} directions'} from the curve"
         else:
             looked += f" within {self.reach:.4g} of the curve"
-        looked += ", and those across its hills and wells," if self.across else ""
-        looked += " and in all directions at once," if self.together else ""
+        looked += ", and those across its hills and wells," if self.across and not self.bends else ""
+        looked += " and in all directions at once," if self.together and not self.bends else ""
         looked += " and what all other ends cost," if self.ends else ""
         looked += " and shifts into narrow valleys," if self.narrow else ""
-        looked += f"{'' if looked.endswith(',') else ','} as far as L is convex in the slope," if self.walled else ""
+        walled = self.walled and not self.bends
+        looked += f"{'' if looked.endswith(',') else ','} as far as L is convex in the slope," if walled else ""
         looked += f"{'' if looked.endswith(',') else ','} {self.instead}," if self.instead else ""
         valleys = "1 other valley" if self.number == 1 else f"{self.number} other valleys"
         if self.number or not self.unfollowed:
@@ -293,8 +298,10 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
     from varcalc.existence.together import together
 
     found: list[_Found] = []
+    bends = best.problem.order > 1
     with np.errstate(all="ignore"):
         looked, acrosses = _in_directions(best)
+        seen.bends = bends
         seen.directions = len({tuple(direction.shares.tolist()) for direction, _ in looked})
         seen.instead = _instead(best.problem)
         seen.pieces = max([seen.pieces, *(about.pieces for _, about in looked)])
@@ -303,14 +310,21 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
         seen.across = seen.across or any(across is not None for across in acrosses)
         for (direction, about), across in zip(looked, acrosses, strict=True):
             worth = partial(_worth_following, best, about)
+            if bends:  # polygons show how far out there are hills and wells, no more
+                continue
             valleys = list(filter(worth, about.valleys()))
             valleys = valleys if best.problem.n == 1 else valleys[:FOLLOWED]
             if not direction.approximate and (fallen := _fallen(best, about, valleys)) is not None:
                 return fallen
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
             found += _across(across)
-        several = seen.directions > 1
-        box = together([(*pair, across) for pair, across in zip(looked, acrosses, strict=True)]) if several else None
+        pairs = [(*pair, across) for pair, across in zip(looked, acrosses, strict=True)]
+        if bends:
+            box, fall = _least_bent(pairs)
+            if fall is not None:
+                return _on_fall(best, fall)
+        else:
+            box = together(pairs)
         bent = cheaper_ends(best)
         found += _across(box) + _across(bent)
     if len(found) > FOLLOWED_IN_DIRECTIONS:
@@ -324,6 +338,16 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
     seen.number += len(found)
     followed = (_followed(best, lattice, [valley], way, polish) for _, lattice, valley, way in found)
     return next((lower for lower in followed if lower is not None), None)
+
+
+def _least_bent(
+    looked: list[tuple[AlongDirection, PolygonLattice, Lattice | None]],
+) -> tuple[Valleys | None, Fall | None]:
+    """The least curves of second order, and a line of them that leads down for ever."""
+    from varcalc.existence.bent_curves import least_bent  # few problems are of second order
+
+    box = least_bent(looked) if looked else None
+    return box, None if box is None else box.fall()
 
 
 def _in_directions(best: Solution) -> tuple[list[tuple[AlongDirection, PolygonLattice]], list[Lattice | None]]:
@@ -394,7 +418,6 @@ def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
 def _instead(problem: Functional) -> str:
     """What stands for the functional itself along such polygons; empty where it does itself."""
     told = ["a level by its multiplier"] if any(isinstance(c, Isoperimetric) for c in problem.constraints) else []
-    told += ["bent as the curve is"] if problem.order > 1 else []
     return " and ".join(told)
 
 
@@ -416,11 +439,14 @@ def _lower_about(best: Solution, lattice: Lattice, valleys: list[Valley], polish
 
 def _fallen(best: Solution, lattice: Lattice, valleys: list[Valley]) -> Solution | None:
     """The solution marked for a line of curves that leads down for ever; None where none was seen."""
-    sign = best.problem.sign
     with np.errstate(all="ignore"):
         fall = next(filter(None, map(lattice.fall, valleys)), None) or lattice.fall_far_out()
-    if fall is None:
-        return None
+    return None if fall is None else _on_fall(best, fall)
+
+
+def _on_fall(best: Solution, fall: Fall) -> Solution:
+    """The solution marked for a line of curves that leads down for ever."""
+    sign = best.problem.sign
     message = f"a local {'maximum' if sign < 0 else 'minimum'} only: {fall.finding.sentence}"
     return replace(best, local=True, lower=-sign * math.inf, message=message)
 
@@ -503,7 +529,8 @@ def _by_polygon(best: Solution, lattice: Valleys, valley: Valley, *, followed: b
     if not _is_lower(value, best, 0.0, SURELY_LOWER):
         return None
     tried = LED_NOWHERE if followed else "was not followed: solve by Ritz()"
-    return _marked(best, f"a polygon has the value {value:.6g}, and {tried}")
+    kind = "polygon" if math.isnan(valley.summed) else "curve of cubic pieces"
+    return _marked(best, f"a {kind} has the value {value:.6g}, and {tried}")
 
 
 def _marked(best: Solution, known: str) -> Solution:
@@ -541,6 +568,8 @@ def _is_lower(value: float, best: Solution, error: float, share: float) -> bool:
 
 def _along(landscape: Landscape, valley: Valley) -> float:
     """The functional along a polygon, made worse by what two rules differ by; infinite where it keeps no level."""
+    if not math.isnan(valley.summed):
+        return landscape.sign * valley.summed
     sums = []
     steps, shape = np.diff(valley.x), valley.y.shape[1:]
     for count in POLYGON_RULES:

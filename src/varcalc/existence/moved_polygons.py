@@ -6,7 +6,7 @@ About a polygon the least one in departures along each axis is found, again and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -31,15 +31,23 @@ MARKS, EVENLY = 14, 0.3
 """Elements of a mesh that holds a polygon, and how much of the interval is shared out evenly between them."""
 
 
-class ManyFunctions(Protocol):
-    """A functional of first order of k functions at once, as it is minimised; ``held``, ``closed`` as a landscape's."""
+class Departing(Protocol):
+    """Curves that depart from a known one: what ends are ``held``, whether they are ``closed``, and where all meet."""
 
     held: tuple[bool, bool]
     closed: bool
     waypoints: tuple[float, ...]
 
-    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """L, where y and v are (..., k)."""
+
+class Pieced(Protocol):
+    """A functional of curves that are pieced together, as it is minimised: k numbers at each vertex tell a curve."""
+
+    def costs(self, x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """What each piece adds between nodes (P, K + 1, S, k) of neighbouring rows, (P, K, S, S)."""
+        ...
+
+    def kept(self, x: np.ndarray) -> np.ndarray:
+        """Which of the numbers at vertices x (K + 1,) are those of all curves, (K + 1, k)."""
         ...
 
     def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
@@ -48,15 +56,18 @@ class ManyFunctions(Protocol):
 
 
 class _Alone:
-    """A landscape of one function, as one of several."""
+    """The polygons of a landscape of one function."""
 
     def __init__(self, landscape: Landscape) -> None:
-        self.landscape, self.held, self.closed = landscape, landscape.held, landscape.closed
-        self.waypoints = landscape.waypoints
+        self.landscape = landscape
 
-    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """L, where y and v are (..., 1)."""
-        return values_of(self.landscape, x, y[..., 0], v[..., 0])
+    def costs(self, x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """What each piece adds."""
+        return polygon_costs(lambda x, y, v: values_of(self.landscape, x, y[..., 0], v[..., 0]), x, nodes)
+
+    def kept(self, x: np.ndarray) -> np.ndarray:
+        """The waypoints and what ends are given."""
+        return kept_vertices(self.landscape, x)[:, None]
 
     def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
         """What ends that depart by y (..., 1) add."""
@@ -102,7 +113,7 @@ def marked(valley: Valley) -> Valley:
 
 
 def refined(
-    landscape: ManyFunctions, x: np.ndarray, y: np.ndarray, step: np.ndarray, most: int
+    landscape: Pieced, x: np.ndarray, y: np.ndarray, step: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The vertices x, departures and values of polygons that ``y`` (P, K + 1, k) lead to, on ever more pieces.
 
@@ -123,30 +134,42 @@ def refined(
         x = finer
 
 
-def costs(landscape: ManyFunctions, x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """What each piece adds between nodes (P, K + 1, S, k) of neighbouring rows, (P, K, S, S)."""
+def kept_vertices(landscape: Departing, x: np.ndarray) -> np.ndarray:
+    """At which of the vertices x (K + 1,) all curves have one ordinate."""
+    kept = np.isin(x, landscape.waypoints)
+    kept[[0, -1]] |= np.array(landscape.held) | landscape.closed  # a closed one moves between its ends
+    return kept
+
+
+def polygon_costs(
+    values: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray], x: np.ndarray, nodes: np.ndarray,
+    shares: Sequence[float] = GAUSS_SHARES,
+) -> np.ndarray:  # fmt: skip
+    """What each straight piece adds between nodes (P, K + 1, S, k) of neighbouring rows, (P, K, S, S).
+
+    ``values`` are those of L at x, y and v (..., k), and ``shares`` tells where on a piece it is asked.
+    """
     first, last, h = nodes[:, :-1, :, None], nodes[:, 1:, None], np.diff(x)[:, None, None]
     sums = 0.0
-    for share in GAUSS_SHARES:
-        place = x[:-1, None, None] + share * h
-        sums = sums + landscape.values(place, first + share * (last - first), (last - first) / h[..., None])
-    return np.where(np.isfinite(sums), sums, np.inf) * h / len(GAUSS_SHARES)
+    for share in shares:
+        sums = sums + values(
+            x[:-1, None, None] + share * h, first + share * (last - first), (last - first) / h[..., None]
+        )
+    return np.where(np.isfinite(sums), sums, np.inf) * h / len(shares)
 
 
-def moved(landscape: ManyFunctions, x: np.ndarray, y: np.ndarray, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The least of the polygons that vertices of each of y (P, K + 1, k) make by one of the ``moves`` (S, k), or 0.
+def moved(landscape: Pieced, x: np.ndarray, y: np.ndarray, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least of the curves that vertices of each of y (P, K + 1, k) make by one of the ``moves`` (S, k), or 0.
 
     The first of the moves is 0. Their values are (P,).
     """
     nodes = y[:, :, None] + moves
-    added = costs(landscape, x, nodes)
-    fixed = np.isin(x, landscape.waypoints)
-    fixed[[0, -1]] |= np.array(landscape.held) | landscape.closed  # a closed one moves between its ends
-    aside = np.arange(len(moves)) > 0
-    reached = landscape.at_end(0, nodes[:, 0]) + np.where(fixed[0] & aside, np.inf, 0.0)
+    added = landscape.costs(x, nodes)
+    barred = np.where((landscape.kept(x)[:, None] & (moves != 0)).any(-1), np.inf, 0.0)  # (K + 1, S)
+    reached = landscape.at_end(0, nodes[:, 0]) + barred[0]
     before = []
     for k in range(len(x) - 1):
-        sums = reached[:, :, None] + added[:, k] + np.where(fixed[k + 1] & aside, np.inf, 0.0)
+        sums = reached[:, :, None] + added[:, k] + barred[k + 1]
         before.append(np.argmin(sums, axis=1))
         reached = np.min(sums, axis=1)
     reached = reached + landscape.at_end(1, nodes[:, -1])

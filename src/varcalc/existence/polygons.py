@@ -190,7 +190,8 @@ class Valley:
     """A least polygon through some node: vertices ``x`` and ``y``, its value on the lattice; ``edge``: it leaves it.
 
     Of n functions at once ``y`` is (K + 1, n), of one (K + 1,). The curve there is held by a mesh with the ``marks``.
-    What lies ``apart`` by far less is one. Where slopes have bounds it may be as ``steep`` as curves can be.
+    What lies ``apart`` by far less is one. Where slopes have bounds it may be as ``steep`` as curves can be. Where it
+    stands for a curve that is no polygon it is known what that sums at most, ``summed``.
     """
 
     x: np.ndarray
@@ -200,6 +201,7 @@ class Valley:
     marks: tuple[float, ...] = ()
     apart: float = 0.0
     steep: bool = False
+    summed: float = math.nan
 
     @property
     def start(self) -> Sampled:
@@ -651,8 +653,12 @@ def _turns(landscape: Landscape, x: np.ndarray, c: np.ndarray, unit: float) -> n
         if not len(steps):
             continue
         # where a hill's foot is flat there is no turn, but it is as low as a minimum
-        feet = (steps[0] > 0 and signs[0] > 0, steps[-1] < len(row) - 1 and signs[-1] < 0)
-        several = several or int((signs[turning] < 0).sum()) + sum(feet) > 1
+        falls = (signs[0] > 0, signs[-1] < 0)
+        feet = (falls[0] and steps[0] > 0, falls[1] and steps[-1] < len(row) - 1)
+        minima = int((signs[turning] < 0).sum()) + sum(feet)
+        # what falls on beyond a hill is a valley as well: how deep it is slopes tell, which cost the more
+        on = [k for k in (0, 1) if falls[k] and not feet[k]]
+        several = several or minima + len(on) > 1
         turning = np.sort(turning[np.argsort(np.abs(steps[turning] - len(DEPARTURES)), kind="stable")[:NEAREST_TURNS]])
         places = steps[turning] + 1
         found.append(at[places])
@@ -661,7 +667,8 @@ def _turns(landscape: Landscape, x: np.ndarray, c: np.ndarray, unit: float) -> n
         last = [(steps[0], steps[0] - 1, feet[0]), (steps[-1] + 1, steps[-1] + 2, feet[1])]
         edges = [k for k, beyond, foot in last if foot and beyond in range(len(own)) and own[beyond] == np.inf]
         found.append(at[edges])
-        swings.append(np.full(len(edges), np.inf))
+        found.append(at[len(DEPARTURES)] + unit * np.array([-1.0, 1.0])[on])
+        swings.append(np.full(len(edges) + len(on), np.inf))
     if not several:
         return None
     turns, swing = np.concatenate(found), np.concatenate(swings)

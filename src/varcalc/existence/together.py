@@ -8,12 +8,13 @@ steps (Luus, "Iterative Dynamic Programming", 2000, ch. 3): what they end in is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from varcalc.existence.directions import AlongDirection, Departures
-from varcalc.existence.moved_polygons import costs, moved
+from varcalc.existence.moved_polygons import kept_vertices, moved, polygon_costs
 from varcalc.existence.polygons import NEAR, Lattice, Valley
 from varcalc.formulation import Sampled
 
@@ -25,6 +26,8 @@ LEAST_SIDE = 9
 """Levels of more axes, of which no box is taken: the least polygons of each direction are moved."""
 CLOSER, EVEN = 65, 0.3
 """Places along an axis at which L is asked for its changes, and the share of the levels that lie evenly."""
+MIDDLE = (0.5,)
+"""Where L is asked on a piece between two nodes of the box."""
 ROWS_PASSED = (0.25, 0.5, 0.75)
 """Where on the way every node of the box is passed by a polygon."""
 MOVES = 3
@@ -40,6 +43,9 @@ SAME = 0.5
 class AlongAxes:
     """The functional of the curves c + t A about the curve c, where t are as many functions as there are axes A."""
 
+    pieces = PIECES_TOGETHER
+    """Those of the polygons through the nodes of a box."""
+
     def __init__(self, departures: Departures, axes: np.ndarray) -> None:
         self.departures, self.axes = departures, axes
         self.span, self.sign, self.closed = departures.span, departures.sign, departures.closed
@@ -51,6 +57,18 @@ class AlongAxes:
         curve = self.departures.curve
         return lambda x: curve(np.atleast_1d(x), 0) + self.axes.T @ valley(np.atleast_1d(x))
 
+    def costs(self, x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """What each piece adds between nodes (P, K + 1, S, k) of neighbouring rows, (P, K, S, S)."""
+        return polygon_costs(self.values, x, nodes)
+
+    def box_costs(self, x: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """The same more roughly, between the nodes of a box."""
+        return polygon_costs(self.values, x, nodes, MIDDLE)
+
+    def kept(self, x: np.ndarray) -> np.ndarray:
+        """Which departures are none at vertices x (K + 1,): all or none, (K + 1, k)."""
+        return np.repeat(kept_vertices(self, x)[:, None], len(self.axes), axis=1)
+
     def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """L as it is minimised, where y and v are (..., k)."""
         values = self.departures.values(x, *(list(np.moveaxis(t @ self.axes, -1, 0)) for t in (y, v)))
@@ -61,32 +79,60 @@ class AlongAxes:
         rows = [list((t @ self.axes).T) for t in (y, v)]
         return not self.approximate or self.departures.free_of_levels(x, weights, *rows)
 
+    def halved(self, x: np.ndarray, y: np.ndarray, finer: np.ndarray) -> np.ndarray:
+        """What stands for the polygons y (P, K + 1, k) with vertices at x on more vertices."""
+        return np.stack([[np.interp(finer, x, row) for row in p.T] for p in y]).transpose(0, 2, 1)
+
+    def valley(self, x: np.ndarray, y: np.ndarray, value: float) -> Valley:
+        """A polygon y (K + 1, k), to be followed."""
+        return Valley(x, y, value, False)
+
+    def starts(self, x: np.ndarray, levels: list[np.ndarray], seen: Callable[[], np.ndarray]) -> np.ndarray:
+        """The least polygons (P, K + 1, k) through the nodes of a box; of many axes, those ``seen`` along one each."""
+        if len(levels) not in SIDE:
+            return seen()
+        box = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(-1, len(levels))
+        return through_box(self, x, box, self.box_costs(x, np.broadcast_to(box, (1, len(x), *box.shape)))[0])
+
+    def levels(self, low: np.ndarray, high: np.ndarray) -> list[np.ndarray]:
+        """Those along each axis between ``low`` (k,) and ``high``."""
+        side, ends = SIDE.get(len(self.axes), LEAST_SIDE), zip(np.eye(len(self.axes)), low, high, strict=True)
+        return [_levels(self, axis, first, last, side) for axis, first, last in ends]
+
+    def step(self, levels: np.ndarray) -> float:
+        """By how much curves are moved at first that come from a box with such levels along an axis."""
+        return float(np.median(np.diff(levels)))
+
     def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
         """What ends that depart by y (..., k) add."""
         return self.departures.at_end(side, (y @ self.axes).reshape(-1, self.axes.shape[1])).reshape(y.shape[:-1])
 
 
+_Kind = TypeVar("_Kind", bound=AlongAxes)
+
+
 class PolygonsTogether:
-    """The polygons that ``starts`` (P, K + 1, k) with vertices at x lead to, by departures of ``steps`` (k,)."""
+    """The curves that ``starts`` (P, K + 1, k) with vertices at x lead to, by departures of ``steps`` (k,)."""
 
     def __init__(self, landscape: AlongAxes, x: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> None:
         self.landscape, self._room = landscape, SAME * steps
-        own = np.zeros((1, len(x), len(steps)))
-        summed = costs(landscape, x, own[:, :, None])
-        self.summed = float(np.abs(summed).sum())
-        self.own_value = float(summed.sum()) + float(sum(landscape.at_end(side, own[0, -side]) for side in (0, 1)))
         y, values, step = starts, np.zeros(len(starts)), steps
         for number, most in enumerate(MOST_TOGETHER):
             if number:
                 finer = np.union1d(x, (x[1:] + x[:-1]) / 2)
-                x, y = finer, np.stack([[np.interp(finer, x, row) for row in p.T] for p in y]).transpose(0, 2, 1)
+                x, y = finer, landscape.halved(x, y, finer)
             y, values, step = self._settled(x, y, step, most)
-        self._valleys = [Valley(x, row, float(value), False) for row, value in zip(y, values, strict=True)]
+        self.x, self.found = x, list(zip(y, values.tolist(), strict=True))
+        own = np.zeros((1, len(x), len(steps)))
+        summed = landscape.costs(x, own[:, :, None])
+        self.summed = float(np.abs(summed).sum())
+        self.own_value = float(summed.sum()) + float(sum(landscape.at_end(side, own[0, -side]) for side in (0, 1)))
 
     def distinct(self) -> list[Valley]:
-        """The polygons that are worth following and come not near the known curve all along, the lowest first."""
+        """The curves that are worth following and come not near the known one all along, the lowest first."""
         ceiling = self.own_value + WORTH_TOGETHER * self.summed
-        return [v for v in self._valleys if v.value < ceiling and (np.abs(v.y) > self._room).any()]
+        apart = [(y, value) for y, value in self.found if value < ceiling and (np.abs(y) > self._room).any()]
+        return [self.landscape.valley(self.x, y, value) for y, value in apart]
 
     def _settled(
         self, x: np.ndarray, y: np.ndarray, step: np.ndarray, most: Sequence[int]
@@ -97,44 +143,59 @@ class PolygonsTogether:
         """
         y, values = moved(self.landscape, x, y, np.zeros((1, len(step))))
         for count in most:
-            chosen = self._distinct(y, values)[:count]
+            chosen = self._distinct(y, values, count)
             y, step = y[chosen], 0.5 * step
             for _ in range(MOVES):
                 for axis in np.diag(step):
                     y, values = moved(self.landscape, x, y, np.array([0 * axis, axis, -axis]))
-        chosen = self._distinct(y, values)
+        chosen = self._distinct(y, values, len(y))
         return y[chosen], values[chosen], step
 
-    def _distinct(self, y: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """The numbers of the polygons of which none comes near a lower one all along, the lowest first."""
+    def _distinct(self, y: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
+        """The numbers of the polygons, so many at ``most``, of which none comes near a lower one, the lowest first."""
         kept: list[int] = []
         for number in np.argsort(values, kind="stable").tolist():
+            if len(kept) == most:
+                break
             if np.isfinite(values[number]) and (np.abs(y[kept] - y[number]) > self._room).any((1, 2)).all():
                 kept.append(number)
         return np.array(kept, dtype=int)
 
 
-def together(looked: Sequence[tuple[AlongDirection, Lattice, Lattice | None]]) -> PolygonsTogether | None:
-    """The polygons of all axes at once, as far out as hills and wells were seen along the directions; None for none.
+Looked = tuple[AlongDirection, Lattice, Lattice | None]
+"""A direction that was looked along: the lattice about the curve, and one across hills and wells if some were seen."""
 
-    Along each direction there is a lattice about the curve, and one across the hills and wells where some were seen.
+
+def together(looked: Sequence[Looked]) -> PolygonsTogether | None:
+    """The polygons of all axes at once, as far out as hills and wells were seen along the directions; None for none."""
+    several = len({tuple(along.shares.tolist()) for along, _, _ in looked}) > 1
+    if not several or all(across is None for _, _, across in looked):
+        return None
+    box = in_box(AlongAxes, looked)
+    return None if box is None else PolygonsTogether(*box)
+
+
+def in_box(
+    kind: Callable[[Departures, np.ndarray], _Kind], looked: Sequence[Looked]
+) -> tuple[_Kind, np.ndarray, np.ndarray, np.ndarray] | None:
+    """A landscape of a ``kind``, vertices, curves through a box as large as what was looked along, and its steps.
+
+    None where no curve is admitted.
     """
     alone = [along for along, _, _ in looked if np.count_nonzero(along.shares) == 1]
-    if len(alone) < 2 or all(across is None for _, _, across in looked):
-        return None
     axes, own = np.array([a.direction for a in alone]), np.array([a.shares for a in alone]) > 0
-    corners = np.array([end * own @ along.shares for along, about, across in looked for end in _range(about, across)])
-    landscape = AlongAxes(looked[0][0].departures, axes)
-    ends = zip(np.eye(len(axes)), corners.min(0), corners.max(0), strict=True)
-    side = SIDE.get(len(axes), LEAST_SIDE)
-    levels = [_levels(landscape, axis, low, high, side) for axis, low, high in ends]
-    x = np.union1d(np.linspace(*landscape.span, PIECES_TOGETHER + 1), landscape.waypoints)
-    steps = np.array([np.median(np.diff(row)) for row in levels])
-    starts = _through_box(landscape, x, levels) if len(axes) in SIDE else _in_their_directions(x, own, looked)
+    corners = np.array(
+        [end * own @ along.shares for along, about, across in looked for end in _range(along, about, across)]
+    )
+    landscape = kind(looked[0][0].departures, axes)
+    x = np.union1d(np.linspace(*landscape.span, landscape.pieces + 1), landscape.waypoints)
+    levels = landscape.levels(corners.min(0), corners.max(0))
+    steps = np.array([landscape.step(row) for row in levels])
+    starts = landscape.starts(x, levels, lambda: _in_their_directions(x, own, looked))
     if not len(starts):
         return None
-    starts[:, np.isin(x, landscape.waypoints)] = 0.0  # where the known curve is all are
-    return PolygonsTogether(landscape, x, starts, steps)
+    starts[:, landscape.kept(x)] = 0.0  # where the known curve is all are
+    return landscape, x, starts, steps
 
 
 def _in_their_directions(
@@ -155,29 +216,25 @@ def _in_their_directions(
     return np.array([*alone, *sums])
 
 
-def _through_box(landscape: AlongAxes, x: np.ndarray, levels: list[np.ndarray]) -> np.ndarray:
-    """The least polygons (P, K + 1, k) through the nodes of a box on some rows; of a closed curve, those at rest."""
-    box = np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(-1, len(levels))
+def through_box(landscape: AlongAxes, x: np.ndarray, box: np.ndarray, costs: np.ndarray) -> np.ndarray:
+    """The least curves (P, K + 1, k) through the nodes (J, k) of a box on some rows; of a closed curve, those at rest.
+
+    Pieces between nodes add the ``costs`` (K, J, J).
+    """
     if landscape.closed:
         return np.repeat(box[:, None], len(x), axis=1)
-    first, last, h = box[:, None], box[None], np.diff(x)[:, None, None]
-    middle = (x[:-1] + x[1:])[:, None, None] / 2
-    costs = landscape.values(middle, 0.5 * (first + last), (last - first) / h[..., None]) * h
-    costs = np.where(np.isfinite(costs), costs, np.inf)
-    aside = np.arange(len(box)) != np.argmin(np.abs(box).max(1))
-    begun, ended = (
-        landscape.at_end(side, box) + np.where(aside & landscape.held[side], np.inf, 0.0) for side in (0, 1)
-    )
+    barred = np.where((landscape.kept(x)[[0, -1], None] & (box != 0)).any(-1), np.inf, 0.0)
+    begun, ended = (landscape.at_end(side, box) + barred[side] for side in (0, 1))
     back, ahead = _pointers(begun, costs), _pointers(ended, costs[::-1].transpose(0, 2, 1))[::-1]
-    polygons = []
+    found = []
     for row in (round(share * (len(x) - 1)) for share in ROWS_PASSED):
         path = [np.arange(len(box))]
         for k in range(row - 1, -1, -1):
             path.insert(0, back[k][path[0]])
         for k in range(row, len(x) - 1):
             path.append(ahead[k][path[-1]])
-        polygons.append(box[np.stack(path, axis=1)])
-    return np.unique(np.concatenate(polygons), axis=0)
+        found.append(box[np.stack(path, axis=1)])
+    return np.unique(np.concatenate(found), axis=0)
 
 
 def _pointers(reached: np.ndarray, costs: np.ndarray) -> list[np.ndarray]:
@@ -204,9 +261,9 @@ def _levels(landscape: AlongAxes, axis: np.ndarray, low: float, high: float, sid
     return levels
 
 
-def _range(about: Lattice, across: Lattice | None) -> tuple[float, float]:
+def _range(along: AlongDirection, about: Lattice, across: Lattice | None) -> tuple[float, float]:
     """The departures along a direction between which there is what to see."""
     if across is not None:
         return float(across.nodes.min()), float(across.nodes.max())
-    middle = int(about.own[0])
-    return float(about.nodes[0, middle - len(NEAR)]), float(about.nodes[0, middle + len(NEAR)])
+    reach = NEAR[-1] * along.extent(about.c)
+    return -reach, reach

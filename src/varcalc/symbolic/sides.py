@@ -67,7 +67,7 @@ class _Part:
 
 @dataclass(frozen=True)
 class Sides:
-    """The SX ``function``, with dense results, some of whose inputs, ``moved_polygons``, change along a run.
+    """The SX ``function``, with dense results, some of whose inputs, ``moving``, change along a run.
 
     What depends on none of those does not switch. A side is a tuple of one number for each of the :attr:`places`: 1
     above and -1 below, 0 for what is zero and still, and 0 for what is stepped.
