@@ -29,6 +29,8 @@ from varcalc.verify.given_curve import distinct
 
 TOUCHING = 1e-6
 """Relative distance from a bound within which all of a piece touches it."""
+NEVER_APART = 1e-3
+"""Distance from a bound, relative to it, that a curve is taken to be apart from it somewhere."""
 POINTS_FOR_SIZE = 129
 """Points at which the size of what is bounded is looked at."""
 NOISE = 1e-9
@@ -73,16 +75,25 @@ class Bounds:
         return [self._touched(a, b) for a, b in pairwise(self.edges)]
 
     def _touched(self, a: float, b: float) -> list[Side]:
-        values = self._heights(0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE)[1:-1])
+        sides = self.touched_at(0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE)[1:-1])
+        if len(sides) > 1 and any(self.of_slope(side) for side in sides):
+            raise Unproved(f"bounds on the slope are touched beside others between {a:.6g} and {b:.6g}")
+        return sides
+
+    def touched_at(self, x: np.ndarray) -> list[Side]:
+        """What the curve touches at each of some abscissae."""
+        values = self._heights(x)
         whole = self._heights(np.linspace(self.edges[0], self.edges[-1], POINTS_FOR_SIZE))
         sides = []
         for k, limit in enumerate(self.along.limits):
             for at, sign in ((limit.lower, 1.0), (limit.upper, -1.0)):
-                near = TOUCHING * float(np.abs(whole[:, k] - at).max())
-                if np.isfinite(at) and (np.abs(values[:, k] - at) <= near).all():
+                if not np.isfinite(at):
+                    continue
+                # a curve that touches all along is nowhere apart from the bound but for round-off
+                least = NEVER_APART * max(abs(at), float(np.abs(whole[:, k]).max()))
+                near = TOUCHING * max(float(np.abs(whole[:, k] - at).max()), least)
+                if (np.abs(values[:, k] - at) <= near).all():
                     sides.append(Side(k, at, sign))
-        if len(sides) > 1 and any(self.of_slope(side) for side in sides):
-            raise Unproved(f"bounds on the slope are touched beside others between {a:.6g} and {b:.6g}")
         return sides
 
     def _heights(self, x: np.ndarray) -> np.ndarray:

@@ -86,7 +86,10 @@ def _moved(stated: Statement, samples: Sequence[Samples], step: WayToExtremal) -
 def _step(stated: Statement, samples: list[Samples]) -> WayToExtremal | None:
     """A step of Newton's method; None where there is none."""
     m, size, count = stated.states, 2 * stated.states, len(samples)
-    maps, own = _loaded(stated, samples)
+    try:
+        maps, own = _loaded(stated, samples)
+    except np.linalg.LinAlgError:
+        return None  # H does not bend in the controls
     border, right_of = _conditions(stated, samples)
     extra = len(border) - size  # multipliers of equations between the ends
     wide = size * (count + 1)

@@ -68,6 +68,11 @@ def end_bends(stated: Statement, joints: np.ndarray) -> list[tuple[np.ndarray, n
     return [(found[0] + share * across[0], found[1] + share * across[1]) for share in shares]
 
 
+def end_cost(stated: Statement, joints: np.ndarray) -> Ball:
+    """What the ends of a curve cost, by the functions where its pieces meet."""
+    return flint().arb(0) if stated.cost is None else stated.cost.jet(*end_values(stated, joints), 0).value
+
+
 def prove_ends(prover: Prover) -> list[Hypothesis]:
     """Prove w Q w at the end, less that at the start, not negative for admissible w; Unproved where it is not."""
     stated = prover.statement

@@ -11,11 +11,11 @@ from typing import Any
 
 from varcalc.certificates.balls import Ball, above, below, flint, largest, working
 from varcalc.certificates.bounds import Bounds, bounds
+from varcalc.certificates.by_convexity import by_convexity
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import Told, proved_tube, silent
 from varcalc.certificates.convexity import convex_in_slope
-from varcalc.certificates.curve import end_values
-from varcalc.certificates.ends import prove_ends
+from varcalc.certificates.ends import end_cost, prove_ends
 from varcalc.certificates.inequalities import Inequalities, inequalities
 from varcalc.certificates.integrals import Unproved, total
 from varcalc.certificates.jets import Undecided
@@ -49,6 +49,9 @@ BITS = 128
 """Precision of the balls."""
 TERMS = 24
 """Length to which Arb keeps series: more than any Taylor form here has terms."""
+
+WIDE = 1e-13
+"""Width of an interval, relative to the value, from which on another proof is tried."""
 
 CURVE, NEARBY, BOUNDS = "the curve", "a problem that bounds this one from below", "the bounds"
 """What is told while it is done."""
@@ -123,7 +126,7 @@ def certify(solution: Solution, *, digits: int | None = None, progress: Progress
     try:
         with telling(progress, solution.problem.name) as told, working(BITS, TERMS):
             exact, written = _exact(solution)
-            found = _proof(exact, partial(told, 0, None))
+            found = _proved(exact, partial(told, 0, None))
     except (Unproved, Undecided) as unproved:
         raise _refusal(solution, str(unproved)) from None
     except KeyboardInterrupt as stop:
@@ -150,6 +153,45 @@ def _exact(solution: Solution) -> tuple[Solution, tuple[Hypothesis, ...]]:
     if extremal is not None:
         extremal = None if number is None else replace(extremal, form=forms(problem)[number])
     return replace(solution, problem=problem, extremal=extremal), ()
+
+
+def _proved(solution: Solution, told: Told) -> Certificate:
+    """The certificate of a solution; by convexity alone where another proof fails, or tells little."""
+    found, reason = None, Unproved("")
+    try:
+        found = _proof(solution, told)
+    except (Unproved, Undecided) as unproved:
+        reason = unproved
+    if found is not None and found.width <= WIDE * abs(found.upper):
+        return found
+    try:
+        other = _by_convexity(solution, told)
+    except (Unproved, Undecided):
+        if found is None:
+            raise reason from None
+        return found
+    return other if found is None or other.width < found.width else found
+
+
+def _by_convexity(solution: Solution, told: Told) -> Certificate:
+    """The certificate of a convex functional by its dual."""
+    told(BOUNDS)
+    low, high, proved = by_convexity(solution)
+    if solution.problem.maximise:
+        low, high = -high, -low
+    return Certificate(
+        solution=solution,
+        lower=below(low),
+        upper=above(high),
+        enclosure=decimals(low, high),
+        scope=Scope.ALL,
+        tube=math.inf,
+        slopes=math.inf,
+        integrals=(),
+        distance=Distance(math.inf, math.inf),
+        proved=(_about_curve()[0], *proved),
+        seconds=0.0,
+    )
 
 
 def _proof(solution: Solution, told: Told) -> Certificate:
@@ -310,9 +352,9 @@ def _bounded(
     setting = replace(prover.setting, along=allowed_for(prover.setting, prover))
     end_terms = prove_ends(prover)
     drop = total(setting.along, prover.tube.kappa, prover.tube.mu)
-    value = setting.along.value + _end_cost(setting) - _levels(setting.statement)
+    value = setting.along.value + end_cost(setting.statement, setting.joints) - _levels(setting.statement)
     attained = _attained(setting, value) if held is None else held.above(setting)
-    high = (attained.value if held is None else attained.value + _end_cost(setting)).upper()
+    high = (attained.value if held is None else attained.value + end_cost(setting.statement, setting.joints)).upper()
     near = nearness(setting, prover.tube, largest([high - value]))
     scope, hypotheses = _scope(setting, prover, near, solution)
     if scope is not Scope.ALL and not attained.stays(setting, prover.tube, slopes=scope is Scope.WEAK):
@@ -391,12 +433,6 @@ def _attained(setting: Setting, value: Ball) -> Attained:
         return Attained(value, setting.pieces)
     met = meeting(setting)
     return Attained(value + met.correction(), setting.pieces, met.moved())
-
-
-def _end_cost(setting: Setting) -> Ball:
-    """What the ends of the curve cost."""
-    cost = setting.statement.cost
-    return flint().arb(0) if cost is None else cost.jet(*end_values(setting.statement, setting.joints), 0).value
 
 
 def _levels(stated: Statement) -> Ball:

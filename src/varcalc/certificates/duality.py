@@ -1,0 +1,468 @@
+"""A lower bound by convexity alone: it serves where L does not bend, as |v|, or stops bending, as |v|^p and x^k v^2.
+
+Let H = sum f_j + R, each f_j a convex function of x and one slope, R jointly convex and smooth along the curve y0. Let
+momenta be p' = R_y along it, exactly, and vanish with what the ends that are free cost. By the lines of support of R
+
+    J[y] - J[y0] >= integral of sum phi_j(v_j) - phi_j(v0_j),   phi_j(v) = f_j(x, v) - s_j v,   s_j = p_j - R_(v_j),
+
+for all curves: that is Fenchel's inequality for the momenta p (Rockafellar, "Conjugate convex functionals in optimal
+control and the calculus of variations", J. Math. Anal. Appl. 32 (1970) 174; Ekeland and Temam, "Convex Analysis and
+Variational Problems", ch. III). What phi_j is less elsewhere than along the curve is bounded by three of its values,
+which need no derivative: where phi(a) and phi(b) are no less than phi(c), a < c < b, it is least between a and b, and
+there nowhere below the lines through c and a, and through c and b. Slopes may be bounded.
+
+Where both ends are free p needs a constant more, r in p' = R_y + r, and the terms of one function alone are dealt with
+like those of one slope.
+"""
+
+from __future__ import annotations
+
+import bisect
+import heapq
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from varcalc.certificates.balls import Around, Ball, Box, above, coefficient, flint, nodes
+from varcalc.certificates.curve import (
+    Piece,
+    Samples,
+    end_values,
+    integrated,
+    joint_states,
+    pieces,
+    sampled,
+    state_sizes,
+)
+from varcalc.certificates.integrals import Unproved
+from varcalc.certificates.jets import Jet, Undecided, without_enclosure
+from varcalc.certificates.statement import Statement, statement
+from varcalc.certificates.summands import summands
+from varcalc.certificates.taylor import TERMS, AtEnd, Values, views_of
+from varcalc.symbolic.convexity import Entry, proved_convex
+from varcalc.symbolic.tracing import Expression
+
+POWERS_OF_4 = range(-46, 12)
+"""Those, of the size of the slope, that distances of the outer places are tried from."""
+FAR_ENOUGH = 2.0**-50
+"""Distance, relative to that size, from which on three values tell a slope."""
+INWARD, UNEVEN = (-1, -4, -7, -10, -13, -16), 4.0
+"""Powers of 4, of how far the farther outer place is, that the inner one is moved by; how far it is, relative to the
+size of the slope, where that is tried."""
+WELL_KNOWN, FEW_BOXES = 2.0**-80, 40
+"""Remainder of R, relative to it, with which a box will do; boxes of a piece after which any will."""
+FALLING, SMALL = 0.9, 2.0**-72
+"""Share of all that is lost that must be left, at most, where there are twice as many boxes, for more to be cut; what
+may be lost, relative to the value."""
+MOST_BOXES = 600
+SHRUNK = 2.0**-48
+"""What constants of momenta are made smaller by, relative to them: at the very edge of what a kink bears round-off is
+beyond it, and elsewhere so little costs its square."""
+NOT_CONVEX = (
+    "the Lagrangian is not proved to be a sum of convex functions of one slope each and of a jointly convex one"
+)
+
+
+@dataclass(frozen=True)
+class Term:
+    """A convex function of x and of the state or control of the number ``place``, between ``low`` and ``high``."""
+
+    place: int
+    stated: Statement
+    low: float = -math.inf
+    high: float = math.inf
+
+
+@dataclass(frozen=True)
+class Part:
+    """A box of the piece ``k``, with the curve on it.
+
+    ``rows`` are its states and controls, ``value`` that of R, ``slopes`` R's derivatives by these, ``rates`` those of
+    the terms of functions, by their places.
+    """
+
+    k: int
+    box: Box
+    views: list[Around]
+    rows: list[Values]
+    value: Values
+    slopes: list[Values]
+    rates: dict[int, Values]
+
+
+@dataclass(frozen=True)
+class Dual:
+    """What a functional comes to on the curve, or a little more; by how much it may be less elsewhere.
+
+    ``momenta`` are those at both ends.
+    """
+
+    value: Ball
+    lost: Ball
+    momenta: tuple[list[Ball], list[Ball]]
+
+
+@dataclass(frozen=True)
+class DualBound:
+    """A curve and a lower bound of the functional over all curves, by convexity; ``stated`` is what is minimised.
+
+    ``between`` are bounds of the slopes.
+    """
+
+    stated: Statement
+    between: Sequence[tuple[float, float]]
+
+    @cached_property
+    def _samples(self) -> list[Samples]:
+        return sampled(self.stated)
+
+    @cached_property
+    def joints(self) -> np.ndarray:
+        """The functions where pieces meet."""
+        return joint_states(self.stated, self._samples)
+
+    @cached_property
+    def pieces(self) -> list[Piece]:
+        """The exact curve."""
+        return pieces(self.stated, self._samples, self.joints)
+
+    @cached_property
+    def _split(self) -> tuple[Statement, list[Term]]:
+        """R, and a term of each slope, and of each function that is ``_loose``."""
+        n, (rest, found) = self.stated.n, summands(self.stated)
+        terms = []
+        for place in (*self._loose, *range(n, 2 * n)):
+            low, high = self.between[place - n] if place >= n else (-math.inf, math.inf)
+            terms.append(Term(place, self._of(found.pop(place, ca.SX(0))), low, high))
+        return self._of(sum(found.values(), rest)), terms
+
+    def _of(self, integrand: Expression) -> Statement:
+        return statement(replace(self.stated.along, integrand=integrand))
+
+    @cached_property
+    def _loose(self) -> list[int]:
+        """The functions whose momenta are known at both ends."""
+        held = self.stated.held
+        return [i for i in range(self.stated.n) if self.stated.periodic or not (held[0][i] or held[1][i])]
+
+    def check(self) -> None:
+        """Prove that all is convex, and that no operation is unknown; Unproved where it is not."""
+        rest, terms = self._split
+        along = self.stated.along
+        parameters: list[Entry] = [float(v) for v in along.form.problem.parameter_values]
+        watched: list[Entry] = [None] * self.stated.n
+        for stated in (rest, *(t.stated for t in terms)):
+            strange = without_enclosure(stated.function)
+            if strange:
+                raise Unproved(f"the Lagrangian holds {strange}, of which no enclosure is known")
+            if not proved_convex(stated.function, [[along.span], watched, watched, [], parameters, [], [], []]):
+                raise Unproved(NOT_CONVEX)
+
+    @cached_property
+    def _sizes(self) -> list[float]:
+        """Powers of two of the sizes of the functions and of their slopes."""
+        states = state_sizes(self._samples, self.stated) / self.stated.along.length
+        slopes = np.abs(np.hstack([s.controls for s in self._samples])).max(axis=1)
+        found = [*states * self.stated.along.length, *np.maximum(slopes, states)]
+        return [2.0 ** round(math.log2(size)) for size in found]
+
+    def found(self) -> Dual:
+        """The value on the curve, and what it may be less; Unproved where that is not bounded."""
+        parts = list(self._parts())
+        momenta = self._momenta(parts)
+        boxes = [self._on(part, momenta, start) for part, start in zip(parts, momenta.starts, strict=True)]
+        heapq.heapify(boxes)
+        size = sum(abs(float(box.value)) for box in boxes if box.lost < math.inf) or 1.0
+        seen, last = len(boxes), math.inf
+        while len(boxes) < MOST_BOXES:
+            if boxes[0].lost < math.inf:
+                lost = sum(box.lost for box in boxes)
+                if lost <= SMALL * size or (len(boxes) >= 2 * seen and lost > FALLING * last):
+                    break
+                seen, last = (len(boxes), lost) if len(boxes) >= 2 * seen or last == math.inf else (seen, last)
+            worst = heapq.heappop(boxes)
+            if worst.part.box.narrow:
+                heapq.heappush(boxes, worst)
+                break
+            left, right = (self._looked_at(worst.part.k, half) for half in worst.part.box.halves())
+            for half, start in ((left, worst.start), (right, momenta.after(left, worst.start))):
+                heapq.heappush(boxes, self._on(half, momenta, start))
+        if not boxes[0].lost < math.inf:
+            raise Unproved(f"convexity alone does not bound the functional from below near {boxes[0].part.box.at:.6g}")
+        zero = flint().arb(0)
+        value, lost = (sum(balls, zero) for balls in zip(*((b.value, zero + b.lost) for b in boxes), strict=True))
+        ends = momenta.starts[0], momenta.after(parts[-1], momenta.starts[-1])
+        return Dual(value, lost.upper(), ends)
+
+    def _parts(self) -> Iterator[Part]:
+        """Boxes on which the rest of the Lagrangian is enclosed."""
+        for k, piece in enumerate(self.pieces):
+            waiting, tried = [piece.box()], 0
+            while waiting:
+                box, tried = waiting.pop(), tried + 1
+                try:
+                    part = self._looked_at(k, box)
+                except Undecided as undecided:
+                    if tried > MOST_BOXES or box.narrow:
+                        raise Unproved(f"the Lagrangian is not enclosed near {box.at:.6g}: {undecided}") from None
+                else:
+                    if tried > FEW_BOXES or part.value.rough <= WELL_KNOWN * max(
+                        1.0, float(abs(part.value.ball).upper())
+                    ):
+                        yield part
+                        continue
+                waiting += reversed(box.halves())
+
+    def _looked_at(self, k: int, box: Box) -> Part:
+        piece, n, (rest, terms) = self.pieces[k], self.stated.n, self._split
+        a, b = self.stated.along.span
+        views = views_of(box, None if k else a, b if k == len(self.pieces) - 1 else None)
+        rows = [[*states, *controls] for states, controls in map(piece.lifted, views)]
+
+        def jets(stated: Statement) -> list[Jet]:
+            switches = stated.switches(piece.centre, piece.half)
+            return [stated.jet(v.abscissa(), row[:n], row[n:], 1, switches) for v, row in zip(views, rows, strict=True)]
+
+        def slope(found: Sequence[Jet], place: int) -> Values:
+            return Values.on(views, [jet.first.get(place, flint().arb(0)) for jet in found])
+
+        own = jets(rest)
+        return Part(
+            k,
+            box,
+            views,
+            [Values.on(views, column) for column in zip(*rows, strict=True)],
+            Values.on(views, [jet.value for jet in own]),
+            [slope(own, place) for place in range(2 * n)],
+            {t.place: slope(jets(t.stated), t.place) for t in terms if t.place < n},
+        )
+
+    def _momenta(self, parts: Sequence[Part]) -> Momenta:
+        """The momenta at the left end of each box, and the constants r."""
+        found, stated, n = flint(), self.stated, self.stated.n
+        plain = Momenta([], [found.arb(0)] * n, [None] * n)
+        none = [found.arb(0)] * n
+        total = none
+        for part in parts:
+            total = plain.after(part, total)
+        own = [found.arb(c) * (1 - SHRUNK) for c in self._constants()]
+        first, last = self._at_ends()
+        if stated.periodic:
+            first = last = own
+        length = found.arb(stated.along.span[1]) - stated.along.span[0]
+        start = [
+            a if a is not None else own[i] if b is None else b - total[i]
+            for i, (a, b) in enumerate(zip(first, last, strict=True))
+        ]
+        extra = [
+            none[i] if a is None or b is None else (b - a - total[i]) / length
+            for i, (a, b) in enumerate(zip(first, last, strict=True))
+        ]
+        momenta = Momenta([start], extra, last)
+        for part in parts[:-1]:
+            momenta.starts.append(momenta.after(part, momenta.starts[-1]))
+        return momenta
+
+    def _constants(self) -> list[float]:
+        """About what the momenta are at the start: H_v less what they grow by, at most nodes."""
+        rows, reached, weights = [], np.zeros(self.stated.n), []
+        for s in self._samples:
+            grown = reached + s.half * integrated(s.forces.T)
+            rows.append(s.pulls - grown)
+            reached = grown[-1]
+            weights.append(s.half * np.gradient(nodes(len(s.x) - 1)))
+        missed, shares = np.concatenate(rows), np.concatenate(weights)
+        found = []
+        for column in missed.T:
+            # beside a kink, or where the curve is known but roughly, some may be far off: not their mean
+            order = np.argsort(column)
+            at = np.searchsorted(np.cumsum(shares[order]), 0.5 * shares.sum())
+            found.append(float(column[order][at]))
+        return found
+
+    def _at_ends(self) -> list[list[Ball | None]]:
+        """The momenta at free ends; None where the end is held."""
+        stated, cost, zero = self.stated, self.stated.cost, flint().arb(0)
+        jet = None if cost is None else cost.jet(*end_values(stated, self.joints), 1)
+        rows: list[list[Ball | None]] = []
+        for end, sign in ((0, 1), (1, -1)):
+            slopes = [zero if jet is None else zero + jet.first.get(i + end * stated.n, 0) for i in range(stated.n)]
+            rows.append([None if held else sign * s for held, s in zip(stated.held[end], slopes, strict=True)])
+        return rows
+
+    def _on(self, part: Part, momenta: Momenta, start: list[Ball]) -> Bounded:
+        """What is found on a box."""
+        value, lost, n = part.value.integral(), flint().arb(0), self.stated.n
+        piece, nothing = self.pieces[part.k], Bounded(part, start, flint().arb(0), math.inf)
+        for term in self._split[1]:
+            i = term.place % n
+            if term.place < n:
+                slope = part.rates[i] + momenta.extra[i]
+            else:
+                slope = momenta.along(part, i, start[i]) - part.slopes[term.place]
+            switches = term.stated.switches(piece.centre, piece.half)
+            found = ThreeValues(part, term, slope, self._sizes[term.place], switches).least()
+            if found is None:
+                return nothing
+            value, lost = value + found[0], lost + found[1]
+        value, lost = value * part.box.unit, 2 * lost * part.box.unit
+        # what is not known of the value narrows with the box as well
+        return Bounded(part, start, value, above(lost + 2 * value.rad())) if value.is_finite() else nothing
+
+
+@dataclass(frozen=True)
+class Bounded:
+    """What is found on a box: the integral of H along the curve, or a little more; by how much it may be less."""
+
+    part: Part
+    start: list[Ball]
+    value: Ball
+    lost: float
+
+    def __lt__(self, other: Bounded) -> bool:
+        return self.lost > other.lost
+
+
+@dataclass(frozen=True)
+class Momenta:
+    """Momenta at the left end of each box, the constants r, and what they are at the end of the interval, if known."""
+
+    starts: list[list[Ball]]
+    extra: list[Ball]
+    last: list[Ball | None]
+
+    def _force(self, part: Part, i: int) -> Values:
+        force = part.slopes[i] + self.extra[i]
+        return force + part.rates[i] if i in part.rates else force
+
+    def after(self, part: Part, start: Sequence[Ball]) -> list[Ball]:
+        """The momenta at the right end of a box."""
+        return [p + self._force(part, i).integral() * part.box.unit for i, p in enumerate(start)]
+
+    def along(self, part: Part, i: int, start: Ball) -> Values:
+        """The momentum of function i on a box."""
+        unit, force = part.box.unit, self._force(part, i)
+        constants = [
+            start + unit * force.half_integral(),
+            start + unit * force.ball * flint().arb(1, 1),
+            start if isinstance(part.views[-1], AtEnd) and part.views[-1].side < 0 else self.last[i],
+        ]
+        rows = []
+        for series, constant in zip((force.middle, force.whole, force.end), constants, strict=True):
+            grown = (
+                None
+                if series is None or constant is None
+                else [constant, *(unit * coefficient(series, k) / (k + 1) for k in range(TERMS))]
+            )
+            rows.append(None if grown is None else flint().arb_series(grown, TERMS + 1))
+        return Values.on(part.views, rows[: len(part.views)])
+
+
+class ThreeValues:
+    """How little a convex function less a line may be, by its values at three places, c near the curve between two."""
+
+    def __init__(self, part: Part, term: Term, slope: Values, size: float, switches: Sequence[int | None]) -> None:
+        self.part, self.term, self.slope, self.size, self.switches = part, term, slope, size, switches
+        self._kept: dict[float, Values | None] = {}
+
+    def _at(self, shift: float) -> Values | None:
+        """The function at that distance from the curve; None where it is not smooth there."""
+        if shift not in self._kept:
+            self._kept[shift] = self._evaluated(shift)
+        return self._kept[shift]
+
+    def _evaluated(self, shift: float) -> Values | None:
+        stated, n = self.term.stated, self.term.stated.n
+        found = []
+        for view, values in zip(
+            self.part.views, zip(*(r.by_views() for r in self.part.rows), strict=True), strict=True
+        ):
+            row = list(values)
+            row[self.term.place] = row[self.term.place] + shift
+            try:
+                found.append(stated.jet(view.abscissa(), row[:n], row[n:], 0, self.switches).value)
+            except Undecided:
+                return None
+        return Values.on(self.part.views, found)
+
+    def least(self) -> tuple[Ball, Ball] | None:
+        """The integral over t in [-1, 1] of the function on the curve, or more, and how much less it may be at any x.
+
+        None where that is not found.
+        """
+        on, shift = self._at(0.0), 0.0
+        if on is None:
+            # on a kink: no more than the mean of what it is on either side
+            shift = next((d for d in self._distances if self._at(d) and self._at(-d)), 0.0)
+            right, left = self._at(shift), self._at(-shift)
+            if right is None or left is None:
+                return None
+            on = (right + left) * 0.5
+        best, far = self._less(on, shift)
+        # beside a kink it may be least on the other side, and a line leads far below: the inner place is moved there
+        for k in INWARD if abs(far) > UNEVEN * self.size else ():
+            other = self._less(on, far * 4.0**k)[0]
+            best = other if best is None or (other is not None and other < best) else best
+        return None if best is None else (on.integral(), best)
+
+    def _less(self, on: Values, shift: float) -> tuple[Ball | None, float]:
+        """How much less than ``on`` the function may be, with the inner place at ``shift``; None where that fails.
+
+        Then how far the farther outer place is.
+        """
+        inner = self._at(shift)
+        sides = [self._side(sign, shift) for sign in (1, -1)]
+        if inner is None or sides[0] is None or sides[1] is None:
+            return None, 0.0
+        (right, up), (left, down) = sides
+        zero = flint().arb(0)
+        less = [
+            a.upper() * b.upper() if a.upper() > 0 and b.upper() > 0 else zero for a, b in ((up, left), (down, right))
+        ]
+        gap = zero if inner is on else (on - inner + self.slope * shift).ball
+        return (gap + less[0].max(less[1])).upper(), float(right) if right > left else -float(left)
+
+    @cached_property
+    def _distances(self) -> list[float]:
+        return [self.size * 4.0**k for k in POWERS_OF_4]
+
+    def _side(self, sign: int, shift: float) -> tuple[Ball, Ball] | None:
+        """How far on one side the function may be least, and from above the slope of a line that leads on to there.
+
+        None where no place is found at which the function is proved to be no less than near the curve.
+        """
+        first = bisect.bisect_left(self._distances, True, key=lambda d: self._serves(sign, shift, d))
+        if first == len(self._distances):
+            return None
+        d, room = self._distances[first], self._room(sign, shift)
+        if not room <= d:
+            return flint().arb(d), self._slope_to(sign, shift, d)
+        # it is least at the bound, or on this side of it: where the line leads is seen from a little farther on
+        return room.max(0), self._slope_to(sign, shift, max(d, self.size * FAR_ENOUGH))
+
+    def _slope_to(self, sign: int, shift: float, d: float) -> Ball:
+        """The slope of the line through an outer place and the inner one, upwards; all numbers if that is not known."""
+        rise = self._rise(sign, shift, d)
+        return rise.ball / d if rise is not None and rise.ball.is_finite() else flint().arb(0, math.inf)
+
+    def _serves(self, sign: int, shift: float, d: float) -> bool:
+        if self._room(sign, shift) <= d:
+            return True
+        rise = self._rise(sign, shift, d)
+        return rise is not None and rise.positive
+
+    def _room(self, sign: int, shift: float) -> Ball:
+        """How far the bound on one side is from the inner place."""
+        limit = self.term.high if sign > 0 else self.term.low
+        if math.isinf(limit):
+            return flint().arb(math.inf)
+        return (self.part.rows[self.term.place].ball + shift - limit) * -sign
+
+    def _rise(self, sign: int, shift: float, d: float) -> Values | None:
+        """What the function less the line is more at an outer place than at the inner one."""
+        outer, inner = self._at(shift + sign * d), self._at(shift)
+        return None if outer is None or inner is None else outer - inner - self.slope * (sign * d)
