@@ -135,8 +135,31 @@ def test_what_switches_or_ends_inside_a_box_is_not_decided(formula, point, radiu
         boxed(formula, [point], [radius])
 
 
-@pytest.mark.parametrize("formula", [ca.floor, ca.ceil, lambda u: ca.fmod(u, 2), lambda u: ca.remainder(u, 2)])
-def test_other_operations_are_refused_by_name(formula):
+@pytest.mark.parametrize(
+    ("formula", "point", "expected"),
+    [
+        (ca.floor, 2.7, 2), (ca.floor, -2.7, -3), (ca.ceil, 2.3, 3), (ca.ceil, -2.3, -2),
+        (lambda u: ca.fmod(u, 2), 7.3, 1.3), (lambda u: ca.fmod(u, 2), -7.3, -1.3), (lambda u: ca.fmod(u, 2), 0.0, 0.0),
+    ],
+)  # fmt: skip
+def test_stairs_are_enclosed_where_a_box_lies_on_one(formula, point, expected):
+    with working(128, 4):
+        jet = boxed(formula, [point], [0.1])
+        assert abs(float(head(jet.value).mid()) - expected) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("formula", "point"), [(ca.floor, 2.95), (ca.ceil, -0.05), (lambda u: ca.fmod(u, 2), 4.05), (ca.floor, 1e40)]
+)
+def test_stairs_are_not_decided_where_a_box_may_lie_on_two(formula, point):
+    with working(128, 4), pytest.raises(Undecided):
+        boxed(formula, [point], [0.1])
+
+
+def test_other_operations_are_refused_by_name():
+    def formula(u):
+        return ca.remainder(u, 2)
+
     u = ca.SX.sym("u")
     function = ca.Function("f", [u], [formula(u)])
     assert without_enclosure(function)

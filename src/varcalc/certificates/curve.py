@@ -28,6 +28,7 @@ from varcalc.certificates.balls import (
     transform,
 )
 from varcalc.certificates.crossings import edges_at_crossings
+from varcalc.certificates.jets import Switch
 from varcalc.certificates.statement import Statement
 from varcalc.verify.given_curve import distinct
 
@@ -83,7 +84,7 @@ class Piece:
     numbers: list[Poly]
     momenta: list[Poly]
     order: int
-    switches: list[int | None]
+    switches: list[Switch]
     """Signs of what H switches on, where they are known all along the piece."""
 
     def box(self) -> Box:

@@ -39,7 +39,7 @@ from varcalc.certificates.curve import (
     state_sizes,
 )
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, Undecided, without_enclosure
+from varcalc.certificates.jets import Jet, Switch, Undecided, without_enclosure
 from varcalc.certificates.statement import Statement, statement
 from varcalc.certificates.summands import summands
 from varcalc.certificates.taylor import TERMS, AtEnd, Values, views_of
@@ -365,7 +365,7 @@ class Momenta:
 class ThreeValues:
     """How little a convex function less a line may be, by its values at three places, c near the curve between two."""
 
-    def __init__(self, part: Part, term: Term, slope: Values, size: float, switches: Sequence[int | None]) -> None:
+    def __init__(self, part: Part, term: Term, slope: Values, size: float, switches: Sequence[Switch]) -> None:
         self.part, self.term, self.slope, self.size, self.switches = part, term, slope, size, switches
         self._kept: dict[float, Values | None] = {}
 

@@ -7,8 +7,9 @@ together, of x^0.3 for one, and are of no use in a proof.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -18,17 +19,20 @@ from varcalc.certificates.splines import cell_of, horner, smooth_at, spline
 from varcalc.symbolic.instructions import NAMES, Call, Program, instructions
 from varcalc.symbolic.look_up import WITHIN
 
+Switch: TypeAlias = int | tuple[int, ...] | None
+"""A sign, the number of a stair or those that it may be, or None where that is not known."""
+
 
 class Undecided(ArithmeticError):
     """An operation has no value, or none that is smooth, throughout a box."""
 
 
 class Crossed(Undecided):
-    """What numbers switch on has either sign; ``signs`` are all before it."""
+    """What numbers switch on has either sign, or one of two ``choices``; ``signs`` are all before it."""
 
-    def __init__(self, signs: Sequence[int | None]) -> None:
+    def __init__(self, signs: Sequence[Switch], choices: Sequence[int] = (1, -1)) -> None:
         super().__init__("what is switched on is crossed")
-        self.signs = list(signs)
+        self.signs, self.choices = list(signs), choices
 
 
 class Jet:
@@ -53,19 +57,19 @@ class Algebra:
     """
 
     def __init__(
-        self, order: int, switches: Sequence[int | None] = (), *, between: bool = False, crossing: bool = False
+        self, order: int, switches: Sequence[Switch] = (), *, between: bool = False, crossing: bool = False
     ) -> None:
         self.order, self.switches, self.between, self.crossing = order, switches, between, crossing
-        self.signs: list[int | None] = []
+        self.signs: list[Switch] = []
 
     def sign(self, jet: Jet, name: str, *, smooth: bool = False) -> int:
         """-1 or 1 where a jet keeps its sign; Undecided where it does not, ``smooth`` as the function may go on."""
         # after the first that is not known the way through the operations may be another
         known = self.switches[len(self.signs)] if len(self.signs) < len(self.switches) else None
-        sign = known or _sign(jet)
+        sign = known if isinstance(known, int) else _sign(jet)
         if self.between:
             # after one that is not known whatever was taken for it may be what the next ones hang on
-            sign = None if None in self.signs else sign_between(jet)
+            sign = None if any(not isinstance(s, int) for s in self.signs) else sign_between(jet)
         if sign is None and self.crossing and (smooth or not jet.first) and isinstance(jet.value, flint().arb):
             raise Crossed(self.signs)
         self.signs.append(sign)
@@ -74,6 +78,38 @@ class Algebra:
                 return 1  # whatever: what follows is thrown away
             raise Undecided(f"{name}, which switches there")
         return sign
+
+    def stair(self, jet: Jet, name: str, cell: Callable[[int], tuple[int, int]]) -> int:
+        """The number of the stair on which a jet lies throughout, by what ``cell`` says each is of; Undecided if none.
+
+        It is kept as signs are; between abscissae where it is one of several, these are.
+        """
+        known = self.switches[len(self.signs)] if len(self.signs) < len(self.switches) else None
+        if self.between:
+            found = None if any(not isinstance(s, int) for s in self.signs) else _stairs_between(jet, cell)
+            self.signs.append(found)
+            return found if isinstance(found, int) else 0  # whatever: what follows is thrown away
+        stairs: Sequence[int] = [known] if isinstance(known, int) else self._stairs(jet, name, cell, known)
+        if len(stairs) != 1:
+            if stairs and self.crossing and not jet.first and isinstance(jet.value, flint().arb):
+                raise Crossed(self.signs, stairs)
+            raise Undecided(f"{name}, which jumps there")
+        self.signs.append(stairs[0])
+        return stairs[0]
+
+    def _stairs(
+        self, jet: Jet, name: str, cell: Callable[[int], tuple[int, int]], known: Sequence[int] | None
+    ) -> Sequence[int]:
+        """Those on which a jet may lie, two at most, of the ``known`` ones; none where there are more."""
+        value = head(jet.value)
+        if not value.is_finite():
+            raise Undecided(f"{name} of what is no number")
+        first, last = math.floor(float(value.lower())) - 1, math.ceil(float(value.upper())) + 1
+        if last - first > MOST_STAIRS:
+            return []
+        met = [n for n in range(first, last + 1) if not (value < cell(n)[0] or value > cell(n)[1])]
+        kept = met if known is None else [n for n in met if n in known]
+        return kept if len(kept) <= 2 else []
 
     def constant(self, value: float) -> Jet:
         """A number as a jet."""
@@ -368,6 +404,8 @@ def _sign(jet: Jet) -> int | None:
 
 ABSCISSA = -1
 """The number of the abscissa where it is a variable as well."""
+MOST_STAIRS = 12
+"""Of which a piece of a curve may meet several."""
 MOST_SIDES = 16
 """Of what is crossed at once."""
 
@@ -378,9 +416,25 @@ def sign_between(jet: Jet) -> int | None:
     if jet.second or set(jet.first) - {ABSCISSA} or not isinstance(value, flint().arb_series):
         return None
     first, last = value[0] - value[1], value[0] + value[1]
-    if value[1].is_zero() or not (first.is_exact() and last.is_exact()):
+    if value[1].is_zero():
         return _sign(jet)
     return 1 if first >= 0 and last >= 0 else -1 if first <= 0 and last <= 0 else None
+
+
+def _stairs_between(jet: Jet, cell: Callable[[int], tuple[int, int]]) -> int | tuple[int, ...] | None:
+    """The stair for -1 < t < 1 of what is of first degree in x and in nothing else, or those that it may be."""
+    value = jet.value
+    if jet.second or set(jet.first) - {ABSCISSA} or not isinstance(value, flint().arb_series):
+        return None
+    ends = value[0] - value[1], value[0] + value[1]
+    low, high = ends if value[1] >= 0 else ends[::-1]
+    if not (low.is_finite() and high.is_finite()):
+        return None
+    first, last = math.floor(float(low.mid())) - 2, math.ceil(float(high.mid())) + 2
+    if last - first > MOST_STAIRS:
+        return None
+    met = tuple(n for n in range(first, last + 1) if not (cell(n)[1] <= low or cell(n)[0] >= high))
+    return met[0] if len(met) == 1 else met
 
 
 def _size(algebra: Algebra, a: Jet) -> Jet:
@@ -439,6 +493,24 @@ def _angle(algebra: Algebra, y: Jet, x: Jet) -> Jet:
     return algebra.sum(Jet(right), turned, -1)
 
 
+def _floor(algebra: Algebra, a: Jet) -> Jet:
+    return algebra.constant(algebra.stair(a, "floor", lambda n: (n, n + 1)))
+
+
+def _ceiling(algebra: Algebra, a: Jet) -> Jet:
+    return algebra.constant(algebra.stair(a, "ceil", lambda n: (n - 1, n)))
+
+
+def _remainder(algebra: Algebra, a: Jet, b: Jet) -> Jet:
+    """a less the multiple of b next to it towards zero, as in C."""
+
+    def cell(n: int) -> tuple[int, int]:
+        return (n if n > 0 else n - 1), (n if n < 0 else n + 1)
+
+    count = algebra.stair(algebra.quotient(a, b), "fmod", cell)
+    return algebra.sum(a, algebra.scaled(b, count), -1)
+
+
 LINEAR: dict[int, Callable[..., Jet]] = {
     ca.OP_ASSIGN: lambda _, a: a,
     ca.OP_ADD: lambda algebra, a, b: algebra.sum(a, b),
@@ -468,7 +540,7 @@ SELECTED: dict[int, Callable[..., Jet]] = {
     ca.OP_NOT: lambda algebra, a: algebra.constant(0.0 if _true(a) else 1.0),
     ca.OP_AND: lambda algebra, a, b: algebra.constant(1.0 if _true(a) and _true(b) else 0.0),
     ca.OP_OR: lambda algebra, a, b: algebra.constant(1.0 if _true(a) or _true(b) else 0.0),
-    ca.OP_HYPOT: _hypotenuse, ca.OP_ATAN2: _angle,
+    ca.OP_FLOOR: _floor, ca.OP_CEIL: _ceiling, ca.OP_FMOD: _remainder, ca.OP_HYPOT: _hypotenuse, ca.OP_ATAN2: _angle,
 }  # fmt: skip
 """Operations that are smooth between their switches."""
 
@@ -488,7 +560,7 @@ def jets(
     program: Program,
     arguments: Sequence[Sequence[Jet]],
     order: int,
-    switches: Sequence[int | None] = (),
+    switches: Sequence[Switch] = (),
     *,
     crossing: bool = False,
 ) -> list[list[Jet]]:
@@ -497,7 +569,7 @@ def jets(
     With ``crossing`` numbers, which are no series, may cross what is switched on at abscissae, and knots at which a
     table and its slope go on: results hold what they are on either side.
     """
-    waiting: list[Sequence[int | None]] = [switches]
+    waiting: list[Sequence[Switch]] = [switches]
     sides: list[list[list[Jet]]] = []
     while waiting:
         # at order 0 nothing tells what hangs on states
@@ -505,7 +577,7 @@ def jets(
         try:
             sides.append(program.run(arguments, algebra.constant, algebra.apply))
         except Crossed as fork:
-            waiting += [[*fork.signs, sign] for sign in (1, -1)]
+            waiting += [[*fork.signs, choice] for choice in fork.choices]
             if len(waiting) + len(sides) > MOST_SIDES:
                 raise Undecided("too much is switched on there") from None
     if len(sides) == 1:
@@ -531,7 +603,7 @@ def _joined(sides: Sequence[Jet]) -> Jet:
     )
 
 
-def switches_between(program: Program, arguments: Sequence[Sequence[Jet]]) -> list[int | None]:
+def switches_between(program: Program, arguments: Sequence[Sequence[Jet]]) -> list[Switch]:
     """Signs of what a function switches on, where they hang on x alone; series about the middle of an interval."""
     algebra = Algebra(2, between=True)
     try:

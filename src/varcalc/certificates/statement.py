@@ -20,7 +20,7 @@ import numpy as np
 from varcalc.certificates.balls import Ball, Series, flint
 from varcalc.certificates.cost import Cost
 from varcalc.certificates.degree import degrees
-from varcalc.certificates.jets import ABSCISSA, Jet, jets, switches_between
+from varcalc.certificates.jets import ABSCISSA, Jet, Switch, jets, switches_between
 from varcalc.certificates.splines import spline
 from varcalc.symbolic.instructions import Call, Program
 from varcalc.verify.along_curve import AlongCurve
@@ -222,7 +222,7 @@ class Statement:
         """The instructions of H."""
         return Program(self.function)
 
-    def switches(self, centre: Ball, half: Ball) -> list[int | None]:
+    def switches(self, centre: Ball, half: Ball) -> list[Switch]:
         """Signs of what H switches on, where these hang on x alone, between two abscissae."""
         found = flint()
         # of any size, but marked as variables: what depends on them is told by its derivatives
@@ -236,7 +236,7 @@ class Statement:
         states: Sequence[Series],
         controls: Sequence[Series],
         order: int,
-        switches: Sequence[int | None],
+        switches: Sequence[Switch],
         *,
         crossing: bool = False,
     ) -> Jet:
