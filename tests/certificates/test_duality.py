@@ -133,6 +133,22 @@ def test_no_curve_however_wrong_gives_a_bound_above_the_infimum(seed):
         assert float(low.lower()) <= float(loaded(p, 0.75)) <= float(high.upper()) + 1e-16
 
 
+def test_a_curve_that_is_steep_where_it_should_not_be_gives_no_bound_above_the_infimum():
+    """int |v|^3/3 + y to a free end in 1/2: places next to each other, far from the curve, were taken for one."""
+    solution = vc.solve(vc.Problem(lambda x, y, v: ca.fabs(v) ** 3 / 3 + y, vc.Fixed(0, 0), vc.Free(0.5)))
+    along = as_graph(solution)
+
+    def evaluate(x, k):
+        # at the start, where it is held, it is off: it comes from there in a straight line
+        return along.evaluate(x, k) + 4.0 * [np.cos, lambda t: -np.sin(t), lambda t: -np.cos(t)][k](x)
+
+    with working(128, 24):
+        dual = DualBound(statement(replace(along, evaluate=evaluate)), [(-np.inf, np.inf)])
+        dual.check()
+        found = dual.found()
+        assert float((found.value - found.lost).lower()) <= -(0.5**2.5) * 4 / 15
+
+
 def test_what_is_not_convex_is_not_certified_by_convexity():
     with pytest.raises(vc.VariationalError):
         certified(lambda x, y, v: v**4 / 4 - 40 * y**2, vc.Fixed(0, 0), vc.Fixed(1, 0))

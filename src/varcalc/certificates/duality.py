@@ -367,15 +367,17 @@ class ThreeValues:
 
     def __init__(self, part: Part, term: Term, slope: Values, size: float, switches: Sequence[Switch]) -> None:
         self.part, self.term, self.slope, self.size, self.switches = part, term, slope, size, switches
-        self._kept: dict[float, Values | None] = {}
+        self._kept: dict[tuple[float, float], Values | None] = {}
 
-    def _at(self, shift: float) -> Values | None:
-        """The function at that distance from the curve; None where it is not smooth there."""
-        if shift not in self._kept:
-            self._kept[shift] = self._evaluated(shift)
-        return self._kept[shift]
+    def _at(self, shift: float, more: float = 0.0) -> Values | None:
+        """The function at the distance ``shift + more`` from the curve; None where it is not smooth there."""
+        key = shift, more
+        if key not in self._kept:
+            # the sum of two doubles may be one of them
+            self._kept[key] = self._evaluated(flint().arb(shift) + more)
+        return self._kept[key]
 
-    def _evaluated(self, shift: float) -> Values | None:
+    def _evaluated(self, shift: Ball) -> Values | None:
         stated, n = self.term.stated, self.term.stated.n
         found = []
         for view, values in zip(
@@ -464,5 +466,5 @@ class ThreeValues:
 
     def _rise(self, sign: int, shift: float, d: float) -> Values | None:
         """What the function less the line is more at an outer place than at the inner one."""
-        outer, inner = self._at(shift + sign * d), self._at(shift)
+        outer, inner = self._at(shift, sign * d), self._at(shift)
         return None if outer is None or inner is None else outer - inner - self.slope * (sign * d)
