@@ -5,10 +5,12 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from varcalc.certificates.balls import Box
 from varcalc.certificates.ends import bears, end_bends, fits, prove_ends
 from varcalc.certificates.field import JacobiFields, field, parted, turned_dynamics, unresolved
 from varcalc.certificates.integrals import Unproved
@@ -78,6 +80,7 @@ def _in_some_tube(setting: Setting, kappa: float, mu: float, found: JacobiFields
     Q = slopes(found, len(setting.pieces), setting.statement.states, jumps)
     boxes, reason = setting.along.boxes, ""
 
+    @lru_cache(maxsize=TUBES)
     def prover(delta: float) -> Prover:
         return Prover(setting, Q, _tube(setting, found, kappa, mu, delta))
 
@@ -88,15 +91,12 @@ def _in_some_tube(setting: Setting, kappa: float, mu: float, found: JacobiFields
     widths = [WIDEST * 0.5**k for k in range(TUBES)]
     some = boxes[:: max(1, len(boxes) // SOME_BOXES)]
 
-    def seems(delta: float) -> bool:
-        tried = prover(delta)
-        failed = next((k for k, box in enumerate(some) if tried.wide([box])), None)
-        if failed is not None:
-            some.insert(0, some.pop(failed))  # where it fails it fails first, if again
-        return failed is None and fits(tried)
-
-    # what holds in a tube holds in any that is narrower
-    first = bisect.bisect_left(widths, True, key=seems)
+    # what holds in a tube holds in any that is narrower, so that one box after another narrows it
+    on_boxes = [partial(_seems, prover, box) for box in some]
+    first = 0
+    for holds in (*on_boxes, lambda delta: fits(prover(delta))):
+        if first < TUBES and not holds(widths[first]):
+            first = bisect.bisect_left(widths, True, lo=first + 1, key=holds)
     if first == TUBES and not prover(widths[-1]).wide(some):
         prove_ends(prover(widths[-1]))
     # half of what holds at the middles of boxes: between them it takes a little more; then a quarter of that at a time
@@ -113,6 +113,11 @@ def _in_some_tube(setting: Setting, kappa: float, mu: float, found: JacobiFields
         else:
             return prover(delta)
     raise Unproved(reason or "the inequality holds in no tube, however narrow")
+
+
+def _seems(prover: Callable[[float], Prover], box: tuple[int, Box], delta: float) -> bool:
+    """Whether the inequality seems to hold in the tube of a width, on one box."""
+    return not prover(delta).wide([box])
 
 
 def _convexity(setting: Setting) -> tuple[float, float]:

@@ -193,8 +193,9 @@ class DualBound:
                 heapq.heappush(boxes, self._on(half, momenta, start))
         if not boxes[0].lost < math.inf:
             raise Unproved(f"convexity alone does not bound the functional from below near {boxes[0].part.box.at:.6g}")
-        zero = flint().arb(0)
-        value, lost = (sum(balls, zero) for balls in zip(*((b.value, zero + b.lost) for b in boxes), strict=True))
+        value, lost = flint().arb(0), flint().arb(0)
+        for box in boxes:
+            value, lost = value + box.value, lost + box.lost
         ends = momenta.starts[0], momenta.after(parts[-1], momenta.starts[-1])
         return Dual(value, lost.upper(), ends)
 
@@ -417,10 +418,10 @@ class ThreeValues:
         Then how far the farther outer place is.
         """
         inner = self._at(shift)
-        sides = [self._side(sign, shift) for sign in (1, -1)]
-        if inner is None or sides[0] is None or sides[1] is None:
+        above_it, below_it = (self._side(sign, shift) for sign in (1, -1))
+        if inner is None or above_it is None or below_it is None:
             return None, 0.0
-        (right, up), (left, down) = sides
+        (right, up), (left, down) = above_it, below_it
         zero = flint().arb(0)
         less = [
             a.upper() * b.upper() if a.upper() > 0 and b.upper() > 0 else zero for a, b in ((up, left), (down, right))

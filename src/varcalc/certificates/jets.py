@@ -121,14 +121,14 @@ class Algebra:
 
     def apply(self, operation: int, operands: Sequence[Jet]) -> Jet:
         """An operation by CasADi's code; Undecided where it has no smooth value."""
+        rule = LINEAR.get(operation) or SELECTED.get(operation)
+        if rule is not None:
+            return rule(self, *operands)
+        smooth = SMOOTH.get(operation)
+        if smooth is not None:
+            return self.chained(operands[0], *smooth(operands[0].value, self.order))
         if isinstance(operation, Call):
             return self._looked_up(operation, operands[0])
-        if operation in LINEAR:
-            return LINEAR[operation](self, *operands)
-        if operation in SMOOTH:
-            return self.chained(operands[0], *SMOOTH[operation](operands[0].value, self.order))
-        if operation in SELECTED:
-            return SELECTED[operation](self, *operands)
         raise Undecided(f"{NAMES[operation]} has no enclosure")
 
     def _looked_up(self, call: Call, a: Jet) -> Jet:
@@ -163,7 +163,10 @@ class Algebra:
 
     def scaled(self, a: Jet, c: Series) -> Jet:
         """A multiple by what depends on no variable."""
-        return Jet(a.value * c, {k: v * c for k, v in a.first.items()}, {k: v * c for k, v in a.second.items()})
+        if not a.first:
+            return Jet(a.value * c)
+        second = {k: v * c for k, v in a.second.items()} if a.second else None
+        return Jet(a.value * c, {k: v * c for k, v in a.first.items()}, second)
 
     def product(self, a: Jet, b: Jet) -> Jet:
         """The product, by Leibniz's rule."""

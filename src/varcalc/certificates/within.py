@@ -91,8 +91,8 @@ class Within:
         if cost is None:
             return found.arb(0)
         start, end, numbers = end_values(self.setting.statement, self.setting.joints)
-        moved = [[f(found.arb(at)) for f in own.pieces[k].functions] for k, at in ((0, -1), (-1, 1))]
-        return cost.jet(*moved, numbers, 0).value - cost.jet(start, end, numbers, 0).value
+        first, last = ([f(found.arb(at)) for f in own.pieces[k].functions] for k, at in ((0, -1), (-1, 1)))
+        return cost.jet(first, last, numbers, 0).value - cost.jet(start, end, numbers, 0).value
 
     def _level(self, ways: list[list[Poly]]) -> list[list[Poly]]:
         """The ways with bumps on pieces that touch nothing, so that they all but leave what is integrated as it is.

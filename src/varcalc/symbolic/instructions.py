@@ -19,6 +19,8 @@ T = TypeVar("T")
 Expression: TypeAlias = Any
 """An SX scalar."""
 
+APART = frozenset({ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT})
+"""What instructions do besides operations."""
 KEPT_FUNCTIONS = 256
 """Functions whose instructions are kept."""
 
@@ -154,15 +156,15 @@ class Program:
         """The nonzeros of each result of the nonzeros ``arguments``, see :func:`interpret`."""
         work: dict[int, T] = {}
         results: list[list[T]] = [[constant(0.0)] * count for count in self.results]
-        for i in self.steps:
-            if i.operation == ca.OP_CONST:
-                work[i.target] = constant(i.constant)
-            elif i.operation == ca.OP_INPUT:
-                work[i.target] = arguments[i.sources[0]][i.sources[1]]
-            elif i.operation == ca.OP_OUTPUT:
-                results[i.place[0]][i.place[1]] = work[i.sources[0]]
+        for operation, sources, target, number, place in self.steps:
+            if operation not in APART:
+                work[target] = apply(operation, [work[s] for s in sources])
+            elif operation == ca.OP_CONST:
+                work[target] = constant(number)
+            elif operation == ca.OP_INPUT:
+                work[target] = arguments[sources[0]][sources[1]]
             else:
-                work[i.target] = apply(i.operation, [work[s] for s in i.sources])
+                results[place[0]][place[1]] = work[sources[0]]
         return results
 
 
