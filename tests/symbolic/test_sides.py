@@ -2,8 +2,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from varcalc.symbolic.nearest import gathered
+from varcalc.symbolic.places import places
 from varcalc.symbolic.shapes import shape
 from varcalc.symbolic.sides import Sides
+from varcalc.symbolic.switches import switches
 from varcalc.symbolic.tracing import trace
 
 WRITTEN = {
@@ -33,6 +36,10 @@ def test_a_piece_is_the_expression_on_its_sides_and_its_ends_are_where_it_stops_
         inside = points[np.all(sides == key, axis=1)]
         values = np.array([np.array(here(point)).ravel() for point in inside])
         np.testing.assert_allclose(values[:, 0], [float(own(point)) for point in inside], rtol=1e-14, atol=1e-15)
+        alone = ca.Function("alone", [r], [pieces.formula(key)])
+        np.testing.assert_array_equal([float(alone(point)) for point in inside], values[:, 0])
+        held = pieces.values(inside, np.tile(key, (len(inside), 1)))
+        np.testing.assert_allclose(held, values[:, 0], rtol=1e-14, atol=1e-15)
         # no end changes its sign inside the piece: each is a line on one side of which the piece lies
         assert all(np.all(column > 0) or np.all(column < 0) for column in values[:, 1:].T if len(column))
 
@@ -90,3 +97,24 @@ def test_ends_closer_than_round_off_are_kept_together():
     pieces = Sides.of(ca.fabs(r - 0.3) + ca.fabs(3 * r - 0.9) + ca.fabs(1.2 - 2 * r), r)
     ends = ca.Function("ends", [r], [ca.vertcat(*pieces.piece(pieces.at(np.array([[0.4]]))[0]).ends)])
     assert np.array(ends(0.3)).ravel() == pytest.approx([0.0, 0.0, -0.3], abs=1e-15)
+
+
+def test_what_is_not_meant_on_a_side_is_left_alone():
+    # of a table written as one branch inside the other every piece would hold all of it
+    u, knots = ca.SX.sym("u"), np.arange(60.0)
+    pieces = Sides.of(trace("n", lambda u: np.interp(u, knots, np.sin(knots)), [u], ca.SX), u)
+    key = pieces.at(np.array([[40.25]]))[0]
+    written = pieces.formula(key)
+    expected = np.sin(40) + 0.25 * (np.sin(41) - np.sin(40))
+    assert float(ca.Function("piece", [u], [written])(40.25)) == pytest.approx(expected, rel=1e-15)
+    assert ca.Function("piece", [u], [written]).n_instructions() < 12
+
+
+def test_switches_of_one_expression_less_numbers_are_looked_for_together():
+    u, knots = ca.SX.sym("u"), np.array([-2.0, -0.3, 0.5, 1.75])
+    inner = u + 0.2 * ca.sin(u)
+    looked_up = trace("n", lambda u: np.interp(inner, knots, knots**2), [u], ca.SX)
+    (switch,) = gathered(switches([looked_up], [u]))
+    assert switch.levels == tuple(knots)
+    found = places(switch, u, (-10.0, 10.0))
+    np.testing.assert_allclose([x + 0.2 * np.sin(x) for x in found], knots, rtol=1e-14)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
+from varcalc.symbolic.switches import Switch
 from varcalc.symbolic.tracing import Expression
 
 DEEP = 8
@@ -20,17 +22,8 @@ def nearest(arguments: Sequence[Expression], signs: Sequence[int]) -> dict[int, 
 
     Of others another one's zero is on the way. All are written alike, as an expression less its bound.
     """
-    inner: list[Expression] = []
-    group, bound, above = [], [], []
-    for argument, sign in zip(arguments, signs, strict=True):
-        core, rate, rest = _affine(argument)
-        same = [k for k, other in enumerate(inner) if ca.is_equal(core, other, DEEP)]
-        if not same:
-            inner.append(core)
-        group.append(same[0] if same else len(inner) - 1)
-        bound.append(-rest / rate)
-        above.append(sign * rate > 0)
-    number, at, lower = np.array(group), np.array(bound), np.array(above, dtype=bool)
+    inner, number, at, rates = by_bounds(arguments)
+    lower = np.array(signs) * rates > 0
     kept = np.zeros(len(at), dtype=bool)
     for k in range(len(inner)):
         for side, way in ((lower, 1.0), (~lower, -1.0)):
@@ -38,7 +31,39 @@ def nearest(arguments: Sequence[Expression], signs: Sequence[int]) -> dict[int, 
             if len(own):
                 room = BESIDE * np.abs(at[own]).max()
                 kept[own] = way * at[own] >= np.max(way * at[own]) - room
-    return {int(k): inner[group[k]] - bound[k] for k in np.flatnonzero(kept)}
+    return {int(k): inner[number[k]] - at[k] for k in np.flatnonzero(kept)}
+
+
+def by_bounds(arguments: Sequence[Expression]) -> tuple[list[Expression], np.ndarray, np.ndarray, np.ndarray]:
+    """Different expressions; which of them each of the ``arguments`` is (k,), less what bound (k,), and its rate (k,).
+
+    Where an argument vanishes its expression is at the bound; it grows ``rate`` (k,) times as fast.
+    """
+    inner: list[Expression] = []
+    number, bounds, rates = np.zeros(len(arguments), dtype=int), np.zeros(len(arguments)), np.ones(len(arguments))
+    for k, argument in enumerate(arguments):
+        core, rates[k], rest = _affine(argument)
+        same = next((j for j, other in enumerate(inner) if ca.is_equal(core, other, DEEP)), len(inner))
+        if same == len(inner):
+            inner.append(core)
+        number[k], bounds[k] = same, -rest / rates[k]
+    return inner, number, bounds, rates
+
+
+def gathered(switches: Sequence[Switch]) -> list[Switch]:
+    """The same, those of one expression less different numbers as one, that has these for levels.
+
+    It stands where the first of them stood.
+    """
+    plain = [k for k, switch in enumerate(switches) if not switch.stepped and switch.levels == (0.0,)]
+    inner, number, bounds, _ = by_bounds([switches[k].argument for k in plain])
+    found = list(switches)
+    for own in (np.flatnonzero(number == k) for k in range(len(inner))):
+        if len(own) > 1:
+            levels = tuple(np.unique(bounds[own]).tolist())
+            found[plain[own[0]]] = replace(switches[plain[own[0]]], argument=inner[number[own[0]]], levels=levels)
+    later = {plain[k] for k in range(len(plain)) if number[k] in number[:k]}
+    return [switch for k, switch in enumerate(found) if k not in later]
 
 
 def _affine(expression: Expression) -> tuple[Expression, float, float]:

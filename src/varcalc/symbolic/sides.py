@@ -7,17 +7,18 @@ the branch that is meant is left, so that the other one need not even be a numbe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.instructions import interpret, operate
+from varcalc.symbolic.instructions import Instruction, in_numbers, interpret, operate, program
 from varcalc.symbolic.nearest import nearest
-from varcalc.symbolic.switches import STEPPED, alike, arguments
+from varcalc.symbolic.switches import STEPPED, arguments, likeness
 from varcalc.symbolic.tracing import Expression
 
 
@@ -65,6 +66,71 @@ class _Part:
     of: frozenset[int] = frozenset()
 
 
+_EVERY, _OWN = slice(None), slice(-1)
+"""Of the results of a function, after which the arguments of its places come."""
+
+
+class _Branches:
+    """The operations of an SX ``function``, of which those alone are carried out that a result is made of.
+
+    ``uses`` are what all operations switch by, in order. What is not meant on a side is left alone: of a table that is
+    written as one branch inside the other there is a piece for every knot.
+    """
+
+    def __init__(self, function: ca.Function, uses: Sequence[tuple[int, int] | None]) -> None:
+        self.steps: list[tuple[Instruction, tuple[int, ...], Sequence[tuple[int, int] | None]]] = []
+        self.ends: list[list[int]] = [[-1] * function.nnz_out(k) for k in range(function.n_out())]
+        written: dict[int, int] = {}
+        left = 0
+        for number, one in enumerate(program(function).steps):
+            sources = tuple(written[s] for s in one.sources) if one.operation != ca.OP_INPUT else ()
+            count = len(arguments(one.operation, [ca.SX(1)] * len(sources))) if sources else 0
+            self.steps.append((one, sources, uses[left : left + count]))
+            left += count
+            if one.operation == ca.OP_OUTPUT:
+                self.ends[one.place[0]][one.place[1]] = sources[0]
+            else:
+                written[one.target] = number
+
+    def run(
+        self, given: Sequence[Sequence[_Part]], applied: Callable[..., _Part], results: slice = _EVERY
+    ) -> list[list[_Part]]:
+        """The nonzeros of some ``results``; ``applied`` takes an operation, its operands, the places it switches at."""
+        done: dict[int, _Part] = {}
+        for end in (end for column in self.ends[results] for end in column if end >= 0):
+            stack = [end]
+            while stack:
+                number = stack[-1]
+                one, sources, uses = self.steps[number]
+                if one.operation in (ca.OP_CONST, ca.OP_INPUT):
+                    constant = one.operation == ca.OP_CONST
+                    done[number] = _constant(one.constant) if constant else given[one.sources[0]][one.sources[1]]
+                    stack.pop()
+                    continue
+                meant = self._meant(one.operation, sources, done)
+                missing = [s for s in meant if s not in done]
+                if missing:
+                    stack += missing
+                    continue
+                stack.pop()
+                parts = [done[s] for s in meant]
+                if one.operation == ca.OP_IF_ELSE_ZERO and parts[0].written.is_constant():
+                    of = frozenset[int]().union(*(part.of for part in parts))
+                    done[number] = _Part(parts[1].written if len(parts) > 1 else ca.SX(0), of)
+                else:
+                    done[number] = applied(one.operation, parts, uses)
+        return [[done[end] if end >= 0 else _constant(0.0) for end in column] for column in self.ends[results]]
+
+    def _meant(self, operation: int, sources: tuple[int, ...], done: dict[int, _Part]) -> tuple[int, ...]:
+        """Of what an operation takes that which must be known: what a branch is only where its condition holds."""
+        if operation != ca.OP_IF_ELSE_ZERO:
+            return sources
+        condition = done.get(sources[0])
+        if condition is None:
+            return sources[:1]
+        return sources[:1] if condition.written.is_constant() and not float(condition.written) else sources
+
+
 @dataclass(frozen=True)
 class Sides:
     """The SX ``function``, with dense results, some of whose inputs, ``moving``, change along a run.
@@ -98,26 +164,53 @@ class Sides:
 
         A use is the place at which an operation switches, with its orientation there.
         """
-        places: list[SwitchingArgument] = []
-        written, _ = self._interpreted(self.function, places)
+        written, used = self._interpreted(self.function)
+        places, _ = self._placed(used, ())
         own = [ca.vertcat(*column) for column in written]
         whole = ca.Function("whole", self.symbols, [*own, ca.vertcat(*(p.argument for p in places))])
-        return tuple(places), whole, self._interpreted(whole, places)[1]
+        return places, whole, self._placed(self._interpreted(whole)[1], places)[1]
 
-    def _interpreted(
-        self, function: ca.Function, places: list[SwitchingArgument]
-    ) -> tuple[list[list[Expression]], tuple[tuple[int, int] | None, ...]]:
-        uses: list[tuple[int, int] | None] = []
+    def _interpreted(self, function: ca.Function) -> tuple[list[list[Expression]], list[SwitchingArgument | None]]:
+        """The results of a function of the symbols, and what its operations switch by; None for what is still."""
+        used: list[SwitchingArgument | None] = []
         along = ca.vertcat(*(self.symbols[k] for k in self.moving))
 
         def applied(operation: int, operands: Sequence[Expression]) -> Expression:
-            uses.extend(
-                _placed(places, argument, operation in STEPPED) if _moves(argument, along) else None
+            used.extend(
+                SwitchingArgument(argument, operation in STEPPED) if _moves(argument, along) else None
                 for argument in arguments(operation, operands)
             )
             return operate(operation, operands)
 
-        return interpret(function, [s.nonzeros() for s in self.symbols], ca.SX, applied), tuple(uses)
+        return interpret(function, [s.nonzeros() for s in self.symbols], ca.SX, applied), used
+
+    def _placed(
+        self, used: Sequence[SwitchingArgument | None], known: Sequence[SwitchingArgument]
+    ) -> tuple[tuple[SwitchingArgument, ...], tuple[tuple[int, int] | None, ...]]:
+        """The places, the ``known`` ones first, and at which each argument switches, 1 or -1 as it has its sign."""
+        places, every = list(known), [*known, *(one for one in used if one is not None)]
+        same = likeness(*[[one.argument for one in every]] * 2, ca.vertcat(*map(ca.vec, self.symbols)))
+        stepped = np.array([one.stepped for one in every], dtype=bool)
+        same[stepped[:, None] != stepped] = 0
+        same[stepped & (same < 0)] = 0  # the whole numbers below are others
+        rows, number, uses = list(range(len(known))), len(known), list[tuple[int, int] | None]()
+        for one in used:
+            if one is None:
+                uses.append(None)
+                continue
+            alike = np.flatnonzero(same[rows, number]) if rows else np.zeros(0, dtype=int)
+            if not len(alike):
+                rows.append(number)
+                places.append(one)
+            place = int(alike[0]) if len(alike) else len(rows) - 1
+            uses.append((place, int(same[rows[place], number]) or 1))
+            number += 1
+        return tuple(places), tuple(uses)
+
+    @cached_property
+    def _branches(self) -> _Branches:
+        _, whole, uses = self._read
+        return _Branches(whole, uses)
 
     @property
     def places(self) -> tuple[SwitchingArgument, ...]:
@@ -174,31 +267,47 @@ class Sides:
             one.results[0], tuple(end for end, _ in ends), tuple(other for _, other in ends), counts
         )
 
+    def formula(self, numbers: Sequence[int]) -> Expression:
+        """The one result of the function alone on sides that :meth:`at` tells, of its own symbols."""
+        side = [0 if p.stepped else int(n) or 1 for p, n in zip(self.places, numbers, strict=True)]
+        return ca.vertcat(*(part.written for part in self._on(side, [int(numbers[k]) for k in self.stepped], _OWN)[0]))
+
+    def values(self, points: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """The one result at ``points`` (m, d), each on the sides ``numbers`` (m, places) that :meth:`at` tells."""
+        side = numbers.T
+        step = {k: np.stack([numbers[:, k], numbers[:, k] + (numbers[:, k] < 0)]) for k in self.stepped}
+        left = iter(self._read[2])
+
+        def applied(operation: int, operands: Sequence[np.ndarray]) -> np.ndarray:
+            used = [next(left) for _ in arguments(operation, operands)]
+            return np.asarray(_held(operation, operands, side, step, used, _IN_NUMBERS))
+
+        with np.errstate(all="ignore"):
+            found = interpret(self._read[1], [list(points.T)], np.array, applied)[0][0]
+        return np.broadcast_to(found, len(points))
+
     def on(self, side: Sequence[int], below: Sequence[int] | None = None) -> FunctionOnSide:
         """The function on one ``side``, of the symbols and counts, or with the whole numbers ``below`` put in."""
-        _, whole, uses = self._read
-        counts = self.counts if below is None else ca.vertcat(ca.SX(0, 1), *(v for b in below for v in _counts(b)))
-        step = {k: counts[2 * number : 2 * number + 2] for number, k in enumerate(self.stepped)}
-        left = iter(uses)
-
-        def applied(operation: int, operands: Sequence[_Part]) -> _Part:
-            written = [part.written for part in operands]
-            used = [next(left) for _ in arguments(operation, written)]
-            if operation == ca.OP_IF_ELSE_ZERO and written[0].is_constant():
-                meant = bool(float(written[0]))
-                of = operands[0].of | (operands[1].of if meant else frozenset())
-                return _Part(written[1] if meant else ca.SX(0), of)
-            of = frozenset(use[0] for use in used if use is not None).union(*(part.of for part in operands))
-            if used and all(part.is_constant() for part in written):
-                return _Part(operate(operation, written), of)
-            return _Part(_held(operation, written, side, step, used), of)
-
-        found = interpret(whole, [[_Part(e) for e in s.nonzeros()] for s in self.symbols], _constant, applied)
+        found = self._on(side, below, _EVERY)
         *results, places = (ca.vertcat(*(part.written for part in column)) for column in found)
         live = frozenset[int]().union(*(part.of for column in found[:-1] for part in column))
         along = ca.vertcat(*(self.symbols[k] for k in self.moving))
         still = frozenset(k for k in range(len(self)) if not ca.depends_on(places[k], along))
         return FunctionOnSide(results, places, live, still)
+
+    def _on(self, side: Sequence[int], below: Sequence[int] | None, results: slice) -> list[list[_Part]]:
+        """Some results, the places last, on one side."""
+        counts = self.counts if below is None else ca.vertcat(ca.SX(0, 1), *(v for b in below for v in _counts(b)))
+        step = {k: counts[2 * number : 2 * number + 2] for number, k in enumerate(self.stepped)}
+
+        def applied(operation: int, operands: Sequence[_Part], used: Sequence[tuple[int, int] | None]) -> _Part:
+            written = [part.written for part in operands]
+            of = frozenset(use[0] for use in used if use is not None).union(*(part.of for part in operands))
+            if used and all(part.is_constant() for part in written):
+                return _Part(operate(operation, written), of)
+            return _Part(ca.SX(_held(operation, written, side, step, used, _ON_ONE_SIDE)), of)
+
+        return self._branches.run([[_Part(e) for e in s.nonzeros()] for s in self.symbols], applied, results)
 
     @property
     def stepped(self) -> tuple[int, ...]:
@@ -219,28 +328,32 @@ def _moves(argument: Expression, along: Expression) -> bool:
     return not argument.is_constant() and bool(ca.depends_on(argument, along))
 
 
-def _placed(places: list[SwitchingArgument], argument: Expression, stepped: bool) -> tuple[int, int]:
-    """The number of the place at which ``argument`` switches, and 1 or -1 as it has the place's sign or the other."""
-    for k, known in enumerate(places):
-        same = alike(known.argument, argument) if known.stepped == stepped else 0
-        if same == 1 or (same == -1 and not stepped):
-            return k, same
-    places.append(SwitchingArgument(argument, stepped))
-    return len(places) - 1, 1
+@dataclass(frozen=True)
+class _Algebra:
+    """What is done on sides that are numbers, or arrays of them: a choice by a condition, and operations."""
+
+    choose: Callable[[Any, Any, Any], Any]
+    operate: Callable[[int, Sequence[Any]], Any]
+
+
+_ON_ONE_SIDE = _Algebra(lambda condition, a, b: a if condition else b, operate)
+_IN_NUMBERS = _Algebra(np.where, lambda operation, operands: in_numbers(operation)(*operands))
 
 
 def _held(
-    operation: int, operands: Sequence[Expression], side: Sequence[int], step: dict[int, Expression],
-    uses: Sequence[tuple[int, int] | None],
-) -> Expression:  # fmt: skip
+    operation: int, operands: Sequence[Any], side: Sequence[Any], step: Mapping[int, Any],
+    uses: Sequence[tuple[int, int] | None], algebra: _Algebra,
+) -> Any:  # fmt: skip
     """What an operation is on a side, by its uses of places."""
-    a, b = operands[0], operands[-1]
+    a, b, choose = operands[0], operands[-1], algebra.choose
     if operation == ca.OP_COPYSIGN:
         size, sign = uses
-        size = ca.fabs(a) if size is None else side[size[0]] * size[1] * a
-        return ca.copysign(size, b) if sign is None else side[sign[0]] * sign[1] * size
+        size = algebra.operate(ca.OP_FABS, [a]) if size is None else side[size[0]] * size[1] * a
+        if sign is None:
+            return algebra.operate(operation, [size, b])
+        return choose(side[sign[0]] * sign[1] < 0, -size, size)
     if not uses or uses[0] is None:
-        return operate(operation, operands)
+        return algebra.operate(operation, operands)
     place, turned = uses[0]
     if operation in STEPPED:
         below, nearer = step[place][0], step[place][1]
@@ -249,12 +362,12 @@ def _held(
         }[operation]  # fmt: skip
     sign = side[place] * turned
     return {
-        ca.OP_FABS: a if sign > 0 else -a,
-        ca.OP_SIGN: ca.SX(sign),
-        ca.OP_FMIN: b if sign > 0 else a,
-        ca.OP_FMAX: a if sign > 0 else b,
-        ca.OP_LT: ca.SX(sign < 0),
-        ca.OP_LE: ca.SX(sign <= 0),
-        ca.OP_EQ: ca.SX(sign == 0),
-        ca.OP_NE: ca.SX(sign != 0),
+        ca.OP_FABS: choose(sign > 0, a, -a),
+        ca.OP_SIGN: sign,
+        ca.OP_FMIN: choose(sign > 0, b, a),
+        ca.OP_FMAX: choose(sign > 0, a, b),
+        ca.OP_LT: choose(sign < 0, 1.0, 0.0),
+        ca.OP_LE: choose(sign <= 0, 1.0, 0.0),
+        ca.OP_EQ: choose(sign == 0, 1.0, 0.0),
+        ca.OP_NE: choose(sign != 0, 1.0, 0.0),
     }[operation]

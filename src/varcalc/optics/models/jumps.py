@@ -14,6 +14,7 @@ from varcalc.optics.media.medium import Expression, Graded, Medium, Radial, Stra
 from varcalc.optics.media.tabulated import Layers, Tabulated
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.look_up import InCells, in_cells
+from varcalc.symbolic.nearest import gathered
 from varcalc.symbolic.places import places
 from varcalc.symbolic.sides import Sides
 from varcalc.symbolic.switches import Switch, switches, tables
@@ -69,8 +70,8 @@ def _knots(table: Switch, u: Expression, far: float, switched: np.ndarray, known
 def _placed(found_in: Sequence[Switch], u: Expression, far: float) -> np.ndarray | None:
     """Where switches are, up to ``far`` on either side; None where they are too many."""
     found: list[float] = []
-    for switch in found_in:
-        here = places(switch, u, (-far, far), found) if switch.depends_on(u) else []
+    for switch in gathered([switch for switch in found_in if switch.depends_on(u)]):
+        here = places(switch, u, (-far, far), found)
         if here is None:
             return None
         found += here
@@ -109,17 +110,11 @@ def jumps_in(g: Expression, u: Expression, far: float) -> np.ndarray | None:
     found = _placed(switches([g], [u]), u, far)  # tables are continuous
     if found is None:
         return None
-    pieces, out = Sides.of(g, u), []
-    for place in found:
-        around = place + SIDE_OFFSET * max(1.0, abs(place)) * np.array([[-1.0], [1.0]])
-        sides = [PointEvaluator(ca.Function("g", [u], [pieces.piece(side).expression])) for side in pieces.at(around)]
-        below, above = (float(one(1, np.array([[place]]))[0, 0]) for one in sides)
-        if abs(above - below) <= INDEX_ROUND_OFF * abs(below):
-            continue
-        if not np.isfinite(above - below):
-            return None
-        out.append(place)
-    return np.array(out)
+    sides = Sides.of(g, u)
+    beside = SIDE_OFFSET * np.maximum(1.0, np.abs(found))
+    below, above = (sides.values(found[:, None], sides.at((found + way * beside)[:, None])) for way in (-1, 1))
+    jumps = ~(np.abs(above - below) <= INDEX_ROUND_OFF * np.abs(below))
+    return None if not np.all(np.isfinite(above - below)[jumps]) else found[jumps]
 
 
 def placed(medium: Stratified | Radial | Tabulated) -> bool:
@@ -193,7 +188,7 @@ def switched_pieces(whole: Expression, u: Expression, ends: np.ndarray) -> list[
     sides, far = Sides.of(whole, u), np.maximum(1.0, np.abs(ends))
     inner = (ends[1:] + ends[:-1]) / 2
     places = np.concatenate([ends[:1] - OUTSIDE * far[:1], inner, ends[-1:] + OUTSIDE * far[-1:]])
-    found = [sides.piece(side).expression for side in sides.at(places[:, None])]
+    found = [sides.formula(side) for side in sides.at(places[:, None])]
     return [SwitchedFormula(expression, float(place)) for expression, place in zip(found, places, strict=True)]
 
 

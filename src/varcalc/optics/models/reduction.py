@@ -16,10 +16,8 @@ start of the motion, the others are carried along in closed form.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self
 
 import casadi as ca
 import numpy as np
@@ -28,17 +26,15 @@ from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.numerics.one_coordinate.potential import NOT_FOLLOWED, PLACES, Potential
 from varcalc.numerics.one_coordinate.quadrature import BY_C, TAU
 from varcalc.optics.media.medium import Expression, Medium, Radial
+from varcalc.optics.models.cell_formulas import CellFormulas
 from varcalc.optics.models.jumps import (
     LOG_RADIUS_LIMIT,
     CellsBetween,
-    SwitchedFormula,
     jumps_in,
     pieces,
     switched_pieces,
 )
 from varcalc.optics.rays.beam import Beam, frames
-from varcalc.symbolic.differences import carry, displaced, fixed
-from varcalc.symbolic.evaluation import Columns, PointEvaluator
 from varcalc.symbolic.variation import gentle_boxes
 
 PATH, SIGMA = 1, 2
@@ -57,7 +53,6 @@ LEAST_ANGULAR_MOMENTUM = 1e-140
 """Of n r: a ray through the centre is the limit of rays past it."""
 
 
-NO_CONSTANTS = ca.SX(0, 1)
 _NONE = np.zeros(0)
 
 
@@ -124,32 +119,6 @@ class RayPotential(Potential):
 
 
 @dataclass(frozen=True)
-class ProfilePart:
-    """One formula of g: g, its slope and n at places, and the changes of the first two from one place to another.
-
-    Both take the constants of a table's cell last.
-    """
-
-    index: Columns
-    changes: Columns
-
-    @classmethod
-    def of(
-        cls, piece: SwitchedFormula, u: Expression, constants: Expression = NO_CONSTANTS, probes: Sequence[float] = ()
-    ) -> Self:
-        """Compiled of g and n at ``u``; ``probes`` are the constants at the probe of the piece."""
-        base, x = ca.SX.sym("base"), ca.SX.sym("x")
-        g, index = piece.expression.elements()
-        slope = ca.densify(ca.gradient(g, u))
-        same = [fixed(symbol, probe) for symbol, probe in zip(constants.elements(), probes, strict=True)]
-        values = ca.Function("g", [u, *constants.elements()], [g, slope])
-        changes = [one.change for one in carry(values, [displaced(base, x, piece.probe), *same])]
-        there = ca.Function("index", [u, constants], [g, slope, index])
-        between = ca.Function("changes", [base, x, constants], changes)
-        return cls(*(PointEvaluator(function).columns for function in (there, between)))
-
-
-@dataclass(frozen=True)
 class Profile(RayPotential):
     """g of one medium, about ``unit``: the radius u is measured from, or any height in layers.
 
@@ -165,7 +134,7 @@ class Profile(RayPotential):
     medium: Medium
     unit: float
     probe: float
-    _parts: list[ProfilePart] = field(init=False, repr=False, compare=False)
+    _formulas: CellFormulas = field(init=False, repr=False, compare=False)
     _ends: np.ndarray = field(init=False, repr=False, compare=False)
     _stops: np.ndarray = field(init=False, repr=False, compare=False)
     _cells: CellsBetween = field(init=False, repr=False, compare=False)
@@ -182,14 +151,12 @@ class Profile(RayPotential):
             jumps = _NONE
         ends = stops if len(jumps) or many else _NONE
         if len(ends):
-            parts = [ProfilePart.of(formula, u) for formula in switched_pieces(whole, u, ends)]
+            formulas = CellFormulas.of_pieces(switched_pieces(whole, u, ends), u)
         else:
-            probes = cells.constants[cells.of(np.array(self.probe))].tolist()
-            formula = SwitchedFormula(cells.written.expression, self.probe)
-            parts = [ProfilePart.of(formula, u, cells.written.constants, probes)]
+            formulas = CellFormulas.of_tables(cells, u, self.probe)
         below = ends[[int(np.argmin(np.abs(ends - place))) for place in jumps]]  # the same to round-off
         sides = np.column_stack([below, np.nextafter(below, np.inf)])
-        own = {"_parts": parts, "_ends": ends, "_stops": stops, "_cells": cells, "_jumps": sides}
+        own = {"_formulas": formulas, "_ends": ends, "_stops": stops, "_cells": cells, "_jumps": sides}
         for name, value in own.items():
             object.__setattr__(self, name, value)
 
@@ -259,31 +226,13 @@ class Profile(RayPotential):
 
     def _there(self, u: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g, its slope and n at u by the formula of a cell."""
-        if not len(self._ends):
-            g, slope, n = (_shaped(c, np.shape(u)) for c in self._parts[0].index(u, self._cells.columns(cell)))
-            return g, slope, n
-        out = np.empty((3, *np.shape(u)))
-        for number in np.unique(cell):
-            own = cell == number
-            for row, column in enumerate(self._parts[number].index(u[own], [])):
-                out[row][own] = column
-        return out[0], out[1], out[2]
+        g, slope, n = self._formulas.index(u, cell)
+        return g, slope, n
 
     def _by_formula(self, base: np.ndarray, x: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The changes of g and its slope from ``base`` over ``x`` by the formula of a cell."""
-        if not len(self._ends):
-            gain, bend = (_shaped(c, np.shape(x)) for c in self._parts[0].changes(base, x, self._cells.columns(cell)))
-            return gain, bend
-        out, base, cell = (
-            np.empty((2, *np.shape(x))),
-            np.broadcast_to(base, np.shape(x)),
-            np.broadcast_to(cell, np.shape(x)),
-        )
-        for number in np.unique(cell):
-            own = cell == number
-            for row, column in enumerate(self._parts[number].changes(base[own], x[own], [])):
-                out[row][own] = column
-        return out[0], out[1]
+        gain, bend = self._formulas.changes(base, x, cell)
+        return gain, bend
 
     def within(self, place: np.ndarray, base: np.ndarray, x: np.ndarray) -> np.ndarray:
         """See :meth:`RayPotential.within`."""
@@ -331,12 +280,6 @@ class Profile(RayPotential):
         """Multiples of one about a centre, where u is a logarithm."""
         reach = np.geomspace(1e-8, NOT_FOLLOWED, PLACES)
         return reach[reach < LOG_RADIUS_LIMIT] if self.about_centre else None
-
-
-def _shaped(values: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """``values`` in ``shape``: what does not depend on the place comes as one number."""
-    values = np.asarray(values, dtype=float)
-    return values if values.shape == shape else np.broadcast_to(values, shape)
 
 
 @dataclass(frozen=True)
