@@ -110,3 +110,18 @@ def test_what_is_found_is_not_asked_for_again_with_what_is_not():
     assert len(got.at) == exact > 500
     np.testing.assert_allclose(np.sin(40 * got.at), offsets[got.which], rtol=0, atol=1e-12)
     assert functions.asked < 12 * len(got.at)
+
+
+class AskedInPart(Known):
+    """The same, of which nobody asks for what is where the logarithm is less than that of 0.4."""
+
+    def beyond(self, family, values):
+        return np.repeat(np.all(values[..., 2] < np.log(0.4), axis=1)[:, None], 3, axis=1)
+
+
+def test_panels_in_which_nobody_asks_for_anything_are_left_out():
+    edges = np.arange(1, 6) / 5
+    series = proxies(AskedInPart(), np.zeros(4, dtype=int), edges[:-1], edges[1:])
+    assert series.low.min() == 0.4
+    assert np.isfinite(series.coefficients).all()
+    assert series.looked_at[0] > 0

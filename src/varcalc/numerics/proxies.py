@@ -83,7 +83,8 @@ class Functions(Protocol):
 class Proxies:
     """Series of F functions of the ``family`` (P,) on panels from ``low`` to ``high`` (P,): ``coefficients`` (P, F, N).
 
-    Panels are in order of families, and in each of places. ``at_edges`` (P, 2, F) are the functions' own values at
+    Panels are in order of families, and in each of places; those where nobody asks for any function are left out.
+    ``at_edges`` (P, 2, F) are the functions' own values at
     ``ends`` (P, 2), the edges or next to those. ``given_up`` counts by family (n,) panels on which no series stands
     for what exists, ``looked_at`` (n,) places.
     """
@@ -175,6 +176,7 @@ def proxies(
         family, low, high = np.tile(family[rest], 2), np.append(low, middle), np.append(middle, high)
     family, low, high, series = (np.concatenate(parts) for parts in zip(*kept, strict=True))
     order = np.lexsort((low, family))
+    order = order[~np.isnan(series[order, :, 0]).all(axis=1)]
     family, low, high = family[order], low[order], high[order]
     ends = np.column_stack([functions.inside(low, 1), functions.inside(high, -1)])
     places, back = np.unique(np.stack([np.repeat(family, 2), ends.ravel()]), axis=1, return_inverse=True)

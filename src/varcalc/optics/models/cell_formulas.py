@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
@@ -85,23 +85,22 @@ class CellFormulas:
             row[: len(values)] = values
         return cls(parts, np.array(number), constants)
 
-    def index(self, u: np.ndarray, cell: np.ndarray) -> np.ndarray:
-        """g, its slope and n (3, ...) at u by the formulas of cells."""
+    def index(self, u: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, ...]:
+        """g, its slope and n at u by the formulas of cells."""
         return self._each([one.index for one in self.parts], 3, [u], cell)
 
-    def changes(self, base: np.ndarray, x: np.ndarray, cell: np.ndarray) -> np.ndarray:
-        """The changes (2, ...) of g and its slope from ``base`` over ``x`` by the formulas of cells."""
+    def changes(self, base: np.ndarray, x: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The changes of g and its slope from ``base`` over ``x`` by the formulas of cells."""
         return self._each([one.changes for one in self.parts], 2, [base, x], cell)
 
     def _each(
         self, functions: Sequence[Columns], count: int, given: Sequence[np.ndarray], cell: np.ndarray
-    ) -> np.ndarray:
-        """What ``functions``, one of each part, say (count, ...) of what is ``given`` in cells."""
-        out = np.empty((count, *np.broadcast_shapes(*map(np.shape, given), np.shape(cell))))
+    ) -> tuple[np.ndarray, ...]:
+        """What ``functions``, one of each part, say of what is ``given`` in cells: so many arrays."""
+        size = np.broadcast_shapes(*map(np.shape, given), np.shape(cell))
         if len(self.parts) == 1:  # what is given is left as it is: formulas cost less where it is the same for many
-            for row, column in zip(out, functions[0](*given, self._taken(0, cell)), strict=True):
-                row[...] = column
-            return out
+            return tuple(_shaped(column, size) for column in functions[0](*given, self._taken(0, cell)))
+        out = np.empty((count, *size))
         *given, cell = np.broadcast_arrays(*given, cell)
         part = self.part[cell]
         for number in np.unique(part):
@@ -109,8 +108,14 @@ class CellFormulas:
             columns = functions[number](*(g[own] for g in given), self._taken(number, cell[own]))
             for row, column in zip(out, columns, strict=True):
                 row[own] = column
-        return out
+        return tuple(out)
 
     def _taken(self, part: int, cell: np.ndarray) -> list[np.ndarray]:
         """What a part takes in cells in which it holds."""
         return [self.constants[cell, k] for k in range(self.parts[part].constants)]
+
+
+def _shaped(values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """``values`` in ``shape``: what does not depend on the place comes as one number."""
+    values = np.asarray(values, dtype=float)
+    return values if values.shape == shape else np.broadcast_to(values, shape)

@@ -239,12 +239,11 @@ def launches(
     passages, swapped = RayPassages.between(profile, ends, longest)
     tabled = TabledPassages(passages, tables)
     aims = Distances.of(tabled, pair, distance, within, longest)
-    farthest = rounded_up(_greatest(aims.pair, aims.distance, np.abs(ends[:, 1] - ends[:, 0])))
-    nearest = np.full(len(ends), np.inf)
-    np.minimum.at(nearest, aims.pair, aims.distance)
-    spread = Spread.of(tabled, nearest, farthest, longest)
+    size = rounded_up(_greatest(aims.pair, aims.distance, np.abs(ends[:, 1] - ends[:, 0])))
+    nearest, farthest = -_greatest(aims.pair, -aims.distance, -size), _greatest(aims.pair, aims.distance, 0 * size)
+    spread = Spread.of(tabled, nearest, farthest, size, longest)
     series = spread.series()
-    touch = TOUCHES_FOLD * farthest[aims.pair]
+    touch = TOUCHES_FOLD * size[aims.pair]
     families, endless = Families.possible(series, aims)
     whole, families = _continua(spread, series, families, aims)
     weights, offset = families.weights, aims.distance[families.aim]
@@ -338,8 +337,9 @@ def _resting(spread: Spread, aims: Distances) -> np.ndarray:
     inside = (at + way >= 0) & (at + way <= 2.0 * (spread.passages.count[pair] - 1))
     rows = np.flatnonzero(inside & ~spread.mild(pair, (at / 2).astype(int)))
     pair, at, way = pair[rows], at[rows], way[rows]
-    here = spread(pair, at + np.sign(way) * BREAK_OFFSET)
-    beside, before = (spread(pair, at + steps * way)[:, :LAYERS] for steps in (1, 2))
+    places = at + np.outer([0.0, 1.0, 2.0], way) + np.outer([BREAK_OFFSET, 0.0, 0.0], np.sign(way))
+    here, beside, before = np.split(spread(np.tile(pair, 3), places.ravel()), 3)
+    beside, before = beside[:, :LAYERS], before[:, :LAYERS]
     last = here[:, :LAYERS] - beside
     earlier = beside - before
     growing = (last > GROWN * spread.distance[pair, None]) & ~(last <= STEADY * earlier)

@@ -18,8 +18,8 @@ RATE_STEP = 1e-6
 """Of the unknown, to take derivatives by it."""
 BREAK_OFFSET = 1e-9
 """Of the unknown, that much beside a break the passages are those of its side."""
-OF_USE, FAR_SHORT = 1e-3, 2.0
-"""How well passages need be known to tell that nobody asks for them, and by how many times they are too short then."""
+OF_USE = 1e-3
+"""How well passages need be known to tell that nobody asks for them."""
 
 
 @dataclass(frozen=True)
@@ -27,26 +27,30 @@ class Spread:
     """The passages as functions of one unknown: of every interval between ``breaks`` two halves, one unit long each.
 
     At 0, 2, 4, .. are the breaks, at 1, 3, .. the middles between them. The passages are those that may be part of a
-    ray of the optical path ``within`` (p,) that comes from ``nearest`` to ``distance`` (p,) far. ``plain`` (p,) says
-    where they are smooth in the angle up to upright rays, with series on the two ``panels`` before these.
+    ray of the optical path ``within`` (p,) that comes from ``nearest`` to ``farthest`` (p,), ``distance`` (p,) being
+    the size of that. ``plain`` (p,) says where they are smooth in the angle up to upright rays, with series on the two
+    ``panels`` before these.
     """
 
     tabled: TabledPassages
     nearest: np.ndarray
+    farthest: np.ndarray
     distance: np.ndarray
     within: np.ndarray
     plain: np.ndarray
     panels: ProxyPanels | None = None
 
     @classmethod
-    def of(cls, tabled: TabledPassages, nearest: np.ndarray, distance: np.ndarray, within: np.ndarray) -> Spread:
+    def of(
+        cls, tabled: TabledPassages, nearest: np.ndarray, farthest: np.ndarray, distance: np.ndarray, within: np.ndarray
+    ) -> Spread:
         """Upright rays are one end of the rays of layers, and the middle of those about a smooth centre."""
         pairs, end = np.arange(len(distance)), 2.0 * (tabled.passages.count - 1)
-        spread = _TabledSpread(tabled, nearest, distance, within, np.ones(len(pairs), dtype=bool))
+        spread = _TabledSpread(tabled, nearest, farthest, distance, within, np.ones(len(pairs), dtype=bool))
         low = np.append(end - 1, end - 0.5)
         panels = ProxyPanels.of(spread, np.tile(pairs, 2), low, low + 0.5)
         plain = np.all(panels.fine.reshape(2, -1), axis=0)
-        return cls(tabled, nearest, distance, within, plain, panels.take(np.flatnonzero(np.tile(plain, 2))))
+        return cls(tabled, nearest, farthest, distance, within, plain, panels.take(np.flatnonzero(np.tile(plain, 2))))
 
     @property
     def passages(self) -> RayPassages:
@@ -136,12 +140,23 @@ class Spread:
         longer = (least[:, :LAYERS] > self.distance[family, None]) | (least[:, LAYERS:] > self.within[family, None])
         longer &= np.column_stack([well[:, :1], known[:, 1:]])
         used = ~longer & ~(known & np.isnan(values[..., :LAYERS]).all(axis=1))
-        whole = known & exists[..., :LAYERS].all(axis=1)
-        most = np.where(whole, np.max(values[..., :LAYERS], axis=1, initial=0.0, where=exists[..., :LAYERS]), np.inf)
-        # a ray of both U and D may go to and fro; of one of them it comes no farther than so
-        farthest = most[:, 0] + 2 * np.where(used[:, 1:], most[:, 1:], 0.0).sum(axis=1)
-        short = ~used[:, 1:].all(axis=1) & (FAR_SHORT * farthest < self.nearest[family])
-        return np.tile(longer | longer[:, :1] | short[:, None], 2)
+        once, turning = values[..., 0], [values[..., 0] + 2 * values[..., k] for k in (1, 2)]
+        asked = np.column_stack([self._asked(family, came) for came in (once, *turning)])
+        asked |= ~(known[:, :1] & known)
+        # a ray of both U and D may go to and fro; of one of them it comes as far as once or by one turn
+        alone = ~used[:, 1:].all(axis=1)
+        unasked = alone[:, None] & ~asked[:, 1:]
+        nobody = alone & ~asked[:, 0] & ~np.any(used[:, 1:] & asked[:, 1:], axis=1)
+        return np.tile(longer | longer[:, :1] | np.pad(unasked, ((0, 0), (1, 0))) | nobody[:, None], 2)
+
+    def _asked(self, family: np.ndarray, came: np.ndarray) -> np.ndarray:
+        """Whether (P,) distances that are asked for are among those of panels that came so far at their points (P, m).
+
+        Between these they may come as much farther, or less far, as they differ. Where one is not known all may be.
+        """
+        least, most = came.min(axis=1), came.max(axis=1)
+        beside = most - least
+        return ~((most + beside < self.nearest[family]) | (least - beside > self.farthest[family]))
 
     def series(self) -> Proxies:
         """Series that stand for them, to begin with four in each interval."""
