@@ -108,8 +108,8 @@ def jumps_in(g: Expression, u: Expression, far: float) -> np.ndarray | None:
     None where it switches at too many places, and where on one side of such a place it is no number.
     """
     found = _placed(switches([g], [u]), u, far)  # tables are continuous
-    if found is None:
-        return None
+    if found is None or len(found) == 0:
+        return found
     sides = Sides.of(g, u)
     beside = SIDE_OFFSET * np.maximum(1.0, np.abs(found))
     below, above = (sides.values(found[:, None], sides.at((found + way * beside)[:, None])) for way in (-1, 1))
