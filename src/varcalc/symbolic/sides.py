@@ -60,9 +60,9 @@ class ExpressionOnSide:
 
 @dataclass(frozen=True)
 class _Part:
-    """An expression, and the places that it hangs on."""
+    """An expression, or a number, and the places that it hangs on."""
 
-    written: Expression
+    written: Expression | float
     of: frozenset[int] = frozenset()
 
 
@@ -104,7 +104,7 @@ class _Branches:
                 one, sources, uses = self.steps[number]
                 if one.operation in (ca.OP_CONST, ca.OP_INPUT):
                     constant = one.operation == ca.OP_CONST
-                    done[number] = _constant(one.constant) if constant else given[one.sources[0]][one.sources[1]]
+                    done[number] = _Part(one.constant) if constant else given[one.sources[0]][one.sources[1]]
                     stack.pop()
                     continue
                 meant = self._meant(one.operation, sources, done)
@@ -114,12 +114,12 @@ class _Branches:
                     continue
                 stack.pop()
                 parts = [done[s] for s in meant]
-                if one.operation == ca.OP_IF_ELSE_ZERO and parts[0].written.is_constant():
+                if one.operation == ca.OP_IF_ELSE_ZERO and isinstance(parts[0].written, float):
                     of = frozenset[int]().union(*(part.of for part in parts))
-                    done[number] = _Part(parts[1].written if len(parts) > 1 else ca.SX(0), of)
+                    done[number] = _Part(parts[1].written if len(parts) > 1 else 0.0, of)
                 else:
                     done[number] = applied(one.operation, parts, uses)
-        return [[done[end] if end >= 0 else _constant(0.0) for end in column] for column in self.ends[results]]
+        return [[done[end] if end >= 0 else _Part(0.0) for end in column] for column in self.ends[results]]
 
     def _meant(self, operation: int, sources: tuple[int, ...], done: dict[int, _Part]) -> tuple[int, ...]:
         """Of what an operation takes that which must be known: what a branch is only where its condition holds."""
@@ -128,7 +128,7 @@ class _Branches:
         condition = done.get(sources[0])
         if condition is None:
             return sources[:1]
-        return sources[:1] if condition.written.is_constant() and not float(condition.written) else sources
+        return sources[:1] if isinstance(condition.written, float) and not condition.written else sources
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,9 @@ class Sides:
     def formula(self, numbers: Sequence[int]) -> Expression:
         """The one result of the function alone on sides that :meth:`at` tells, of its own symbols."""
         side = [0 if p.stepped else int(n) or 1 for p, n in zip(self.places, numbers, strict=True)]
-        return ca.vertcat(*(part.written for part in self._on(side, [int(numbers[k]) for k in self.stepped], _OWN)[0]))
+        return ca.vertcat(
+            *(ca.SX(part.written) for part in self._on(side, [int(numbers[k]) for k in self.stepped], _OWN)[0])
+        )
 
     def values(self, points: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """The one result at ``points`` (m, d), each on the sides ``numbers`` (m, places) that :meth:`at` tells."""
@@ -289,7 +291,7 @@ class Sides:
     def on(self, side: Sequence[int], below: Sequence[int] | None = None) -> FunctionOnSide:
         """The function on one ``side``, of the symbols and counts, or with the whole numbers ``below`` put in."""
         found = self._on(side, below, _EVERY)
-        *results, places = (ca.vertcat(*(part.written for part in column)) for column in found)
+        *results, places = (ca.vertcat(*(ca.SX(part.written) for part in column)) for column in found)
         live = frozenset[int]().union(*(part.of for column in found[:-1] for part in column))
         along = ca.vertcat(*(self.symbols[k] for k in self.moving))
         still = frozenset(k for k in range(len(self)) if not ca.depends_on(places[k], along))
@@ -303,9 +305,9 @@ class Sides:
         def applied(operation: int, operands: Sequence[_Part], used: Sequence[tuple[int, int] | None]) -> _Part:
             written = [part.written for part in operands]
             of = frozenset(use[0] for use in used if use is not None).union(*(part.of for part in operands))
-            if used and all(part.is_constant() for part in written):
-                return _Part(operate(operation, written), of)
-            return _Part(ca.SX(_held(operation, written, side, step, used, _ON_ONE_SIDE)), of)
+            if all(isinstance(part, float) for part in written):
+                return _Part(float(in_numbers(operation)(*written)), of)
+            return _Part(_plain(_held(operation, written, side, step, used, _ON_ONE_SIDE)), of)
 
         return self._branches.run([[_Part(e) for e in s.nonzeros()] for s in self.symbols], applied, results)
 
@@ -320,8 +322,11 @@ def _counts(below: int) -> tuple[int, int]:
     return below, below + (below < 0)
 
 
-def _constant(number: float) -> _Part:
-    return _Part(ca.SX(number))
+def _plain(written: Expression | float) -> Expression | float:
+    """What is a constant as a number."""
+    if isinstance(written, ca.SX) and not written.is_constant():
+        return written
+    return float(written)
 
 
 def _moves(argument: Expression, along: Expression) -> bool:
