@@ -83,7 +83,7 @@ class _Branches:
         written: dict[int, int] = {}
         left = 0
         for number, one in enumerate(program(function).steps):
-            sources = tuple(written[s] for s in one.sources) if one.operation != ca.OP_INPUT else ()
+            sources = tuple(written[s] for s in one.sources if one.operation != ca.OP_INPUT)
             count = len(arguments(one.operation, [ca.SX(1)] * len(sources))) if sources else 0
             self.steps.append((one, sources, uses[left : left + count]))
             left += count
@@ -189,7 +189,8 @@ class Sides:
     ) -> tuple[tuple[SwitchingArgument, ...], tuple[tuple[int, int] | None, ...]]:
         """The places, the ``known`` ones first, and at which each argument switches, 1 or -1 as it has its sign."""
         places, every = list(known), [*known, *(one for one in used if one is not None)]
-        same = likeness(*[[one.argument for one in every]] * 2, ca.vertcat(*map(ca.vec, self.symbols)))
+        own = [one.argument for one in every]
+        same = likeness(own, own, ca.vertcat(*map(ca.vec, self.symbols)))
         stepped = np.array([one.stepped for one in every], dtype=bool)
         same[stepped[:, None] != stepped] = 0
         same[stepped & (same < 0)] = 0  # the whole numbers below are others
@@ -276,7 +277,7 @@ class Sides:
 
     def values(self, points: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """The one result at ``points`` (m, d), each on the sides ``numbers`` (m, places) that :meth:`at` tells."""
-        side = numbers.T
+        side = list(numbers.T)
         step = {k: np.stack([numbers[:, k], numbers[:, k] + (numbers[:, k] < 0)]) for k in self.stepped}
         left = iter(self._read[2])
 
@@ -322,11 +323,9 @@ def _counts(below: int) -> tuple[int, int]:
     return below, below + (below < 0)
 
 
-def _plain(written: Expression | float) -> Expression | float:
+def _plain(written: Expression) -> Expression | float:
     """What is a constant as a number."""
-    if isinstance(written, ca.SX) and not written.is_constant():
-        return written
-    return float(written)
+    return float(written) if not isinstance(written, ca.SX) or written.is_constant() else written
 
 
 def _moves(argument: Expression, along: Expression) -> bool:

@@ -42,7 +42,7 @@ class ProfilePart:
         changes = [one.change for one in carry(values, [displaced(base, x, piece.probe), *same])]
         there = ca.Function("index", [u, constants], [g, slope, index])
         between = ca.Function("changes", [base, x, constants], changes)
-        return cls(*(PointEvaluator(function).columns for function in (there, between)), constants.numel())
+        return cls(PointEvaluator(there).columns, PointEvaluator(between).columns, constants.numel())
 
 
 @dataclass(frozen=True)
@@ -106,9 +106,9 @@ class CellFormulas:
         for number in np.unique(part):
             own = part == number
             columns = functions[number](*(g[own] for g in given), self._taken(number, cell[own]))
-            for row, column in zip(out, columns, strict=True):
-                row[own] = column
-        return tuple(out)
+            for k, column in enumerate(columns):
+                out[k][own] = column
+        return tuple(out[k] for k in range(count))
 
     def _taken(self, part: int, cell: np.ndarray) -> list[np.ndarray]:
         """What a part takes in cells in which it holds."""

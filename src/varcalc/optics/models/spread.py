@@ -139,12 +139,12 @@ class Spread:
         least = np.where(exists.any(axis=1), np.min(values, axis=1, initial=np.inf, where=exists), -np.inf)
         longer = (least[:, :LAYERS] > self.distance[family, None]) | (least[:, LAYERS:] > self.within[family, None])
         longer &= np.column_stack([well[:, :1], known[:, 1:]])
-        used = ~longer & ~(known & np.isnan(values[..., :LAYERS]).all(axis=1))
+        used = np.logical_not(longer | (known & np.isnan(values[..., :LAYERS]).all(axis=1)))
         once, turning = values[..., 0], [values[..., 0] + 2 * values[..., k] for k in (1, 2)]
-        asked = np.column_stack([self._asked(family, came) for came in (once, *turning)])
-        asked |= ~(known[:, :1] & known)
+        told = np.column_stack([self._asked(family, came) for came in (once, *turning)])
+        asked = np.where(known[:, :1] & known, told, True)
         # a ray of both U and D may go to and fro; of one of them it comes as far as once or by one turn
-        alone = ~used[:, 1:].all(axis=1)
+        alone = ~np.all(used[:, 1:], axis=1)
         unasked = alone[:, None] & ~asked[:, 1:]
         nobody = alone & ~asked[:, 0] & ~np.any(used[:, 1:] & asked[:, 1:], axis=1)
         return np.tile(longer | longer[:, :1] | np.pad(unasked, ((0, 0), (1, 0))) | nobody[:, None], 2)
