@@ -247,3 +247,44 @@ def test_a_ray_that_is_thrown_back_has_as_many_conjugate_points_backwards(seed):
     for one, other in zip(there, back, strict=True):
         assert one.index == other.index == len(one.conjugate_points) == len(other.conjugate_points)
         assert one.spreading / size_a == pytest.approx(other.spreading / size_b, rel=1e-9)
+
+
+def heights_in_rod(slope, n, bend, cladding, start, far):
+    """Where rays of a slope come in a rod of n²(1 - bend² y²), by sines; at |y| = 1 reflected totally, or gone."""
+    g = n**2 * (1 - (bend * start) ** 2)
+    theta = np.arctan(slope)
+    c, w, rate = np.sqrt(g) * np.cos(theta), np.sqrt(g) * np.sin(theta), bend * n
+    reach = np.hypot(start, w / rate)
+    phase = np.arctan2(rate * start, w) + rate * far / c
+    inside = reach * np.sin(phase)
+    edge = np.arcsin(1 / np.maximum(reach, 1.0))
+    rising = np.where(w >= 0, 1, -1)
+    # totally reflected rays go to and fro between the phases of both edges
+    gone = np.mod(np.arcsin(start / reach) + rising * rate * far / c + edge, 4 * edge)
+    folded = reach * np.sin(np.where(gone < 2 * edge, gone - edge, 3 * edge - gone))
+    return np.where(reach <= 1, inside, np.where(c > cladding, folded, np.inf))
+
+
+@pytest.mark.parametrize(
+    ("n", "bend", "cladding", "start", "end"),
+    [
+        (1.43, 0.28, 1.25, 0.434, (9.53, -0.845)),
+        (1.77, 0.41, 1.57, -0.235, (23.9, -0.618)),
+        (1.74, 0.27, 2.07, -0.029, (4.59, -0.939)),
+        (1.73, 0.61, 1.24, -0.406, (16.08, -0.793)),
+    ],
+)
+def test_both_edges_of_a_rod_are_met_by_the_same_rays(n, bend, cladding, start, end):
+    # what is told to round-off is no window between the two, in which rays would pass one edge alone
+    def index(y):
+        return ca.if_else(ca.fabs(y) < 1, n * ca.sqrt(ca.fmax(1 - bend**2 * y**2, 1e-3)), cladding)
+
+    slopes = np.tan(np.linspace(-1.5, 1.5, 200_001))
+    off = heights_in_rod(slopes, n, bend, cladding, start, end[0]) - end[1]
+    near = np.abs(off) < 0.5  # folds are steep, but continuous
+    expected = np.flatnonzero((off[:-1] * off[1:] < 0) & near[:-1] & near[1:])
+    rays = optics.Scene(optics.Stratified(index)).rays((0, start), end, within=2.5 * n * end[0])
+    assert rays.unresolved == 0
+    found = np.sort([ray.tangents[0][1] / ray.tangents[0][0] for ray in rays])
+    assert len(found) == len(expected) > 0
+    assert np.all((slopes[expected] <= found) & (found <= slopes[expected + 1]))

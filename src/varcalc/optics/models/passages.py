@@ -290,7 +290,7 @@ class RayPassages:
         mild = self._stops[node] & ~np.isin(node, self.nodes.upwards.turns)
         # at a jump g is steep on either side, and motions do not rest there
         mild |= np.isin(self.nodes.u[node], self.profile.jumps) & (self.profile.at(self.nodes.u[node])[1] != 0)
-        # a window between two places at which rays rest, of heights alike but for what g is told to, is none
+        # a window between two places of one kind, of heights alike but for what g is told to, is none
         alike = ALIKE * np.minimum(self._variation[0], 1.0)
         return _padded(pair, fallen, mild, at_rest, alike)
 
@@ -329,14 +329,14 @@ def _padded(
     """The breaks of pairs in rows, ascending from 0 to π/2, whether they are mild, and what comes to rest there.
 
     They lie where g is ``fallen`` (n,) so far from that of the ``pair`` (n,); those alike are one, and so are those at
-    which rays rest that differ by no more than is ``alike`` (p,).
+    which rays rest, or those at which they turn where g is less smooth, that differ by no more than is ``alike`` (p,).
     """
     order = np.lexsort((fallen, pair))
     order = order[(fallen[order] > SAME_MINIMUM) & (fallen[order] < 1.0)]
     place, row = fallen[order], pair[order]
     before = np.where(np.diff(row, prepend=-1) == 0, np.roll(place, 1), 0.0)
-    resting_both = (before > 0) & ~mild[order] & ~np.roll(mild[order], 1)
-    same = np.maximum(SAME_MINIMUM * place, np.where(resting_both, alike[row], 0.0))
+    both_so = (before > 0) & (mild[order] == np.roll(mild[order], 1))
+    same = np.maximum(SAME_MINIMUM * place, np.where(both_so, alike[row], 0.0))
     first = np.flatnonzero(place - before > same)
     row = row[first]
     number, count = 1 + np.arange(len(row)) - np.searchsorted(row, row), np.bincount(row, minlength=pair[-1] + 1)
