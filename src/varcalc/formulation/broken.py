@@ -122,17 +122,13 @@ def broken_form(
         rewrite = _held_between(problem, symbols, marks, curve, rewrite, loose)
     integrand = plain.sign * rewrite(problem.integrand, True)
     conditions = replace(conditions_of(problem, rewrite), knots=tuple(s for s, _ in marks[1:-1]))
-    pathwise = conditions.pathwise
     if contacts is not None:
-        bounds = {c.index: c for c in pathwise}
-        pathwise = tuple(
-            replace(bounds[c.index], lower=c.level, upper=c.level, where=(c.start, c.end))
-            for c in contacts
-            if c.start < c.end
-        )
-    elif pathwise or keeping or any(r.drawn(problem) for r in rides):
+        pathwise = _touching(conditions.pathwise, contacts)
+    elif conditions.pathwise or keeping or any(r.drawn(problem) for r in rides):
         # the interior-point method is kept from turning a piece inside out
-        pathwise += (SideCondition(speed, LENGTH_KEPT, math.inf, -1),)
+        pathwise = (*conditions.pathwise, SideCondition(speed, LENGTH_KEPT, math.inf, -1))
+    else:
+        pathwise = ()
     pathwise += tuple(c for r in rides for c in _along(problem, r, unheld(r.surface, False), marks, curve))
     stated = Stated(symbols, integrand, integrand, (x, symbols.y, speed, symbols.dy))
     joint = end_conditions(problem, symbols, lambda k, y: (problem.span[k], y))
@@ -146,6 +142,16 @@ def broken_form(
         replace(plain.ends, joint=joint),
         replace(conditions, pathwise=pathwise, waypoints=plain.conditions.waypoints),
         Start(curve, np.array([*problem.unknown_guesses, *corners]), plain.start.bumps),
+    )
+
+
+def _touching(bounds: Sequence[SideCondition], contacts: Sequence[Contact]) -> tuple[SideCondition, ...]:
+    """Equations in place of the ``bounds``, where they are met along a stretch."""
+    by_index = {c.index: c for c in bounds}
+    return tuple(
+        replace(by_index[c.index], lower=c.level, upper=c.level, where=(c.start, c.end))
+        for c in contacts
+        if c.start < c.end
     )
 
 

@@ -226,12 +226,7 @@ def sweep(
     wanted = Grid.of(grid)
     _check_solves(problem, method, tol)
     _check_workers(cores, executor)
-    # the problem is looked at closely where it is to be told from another
-    known = {"name": _name(problem)} if store is None else _identity(problem, wanted)
-    header = {
-        "grid": wanted.document(), "paired": wanted.paired, "units": _checked_units(units, wanted),
-        "method": label(method), "tol": float(tol), "problem": known,
-    }  # fmt: skip
+    header = _header(problem, wanted, method, tol, units, stored=store is not None)
     with nullcontext() if store is None else Store(store, header) as kept, telling(progress, "sweep") as told:
         points = {} if kept is None else kept.known
         missing = [at for at in wanted.places() if at not in points]
@@ -287,6 +282,16 @@ def _solved(
     job = Job.of(problem, method, tol, len(points))
     for piece, found in shared(job, points, executor, cores or USUAL_WORKERS):
         yield list(zip(places[piece], found, strict=True))
+
+
+def _header(
+    problem: Source, grid: Grid, method: Any, tol: float, units: Mapping[str, str] | None, *, stored: bool
+) -> dict[str, Any]:
+    """What tells a sweep from others; of one that is ``stored``, the problem is looked at closely."""
+    return {
+        "grid": grid.document(), "paired": grid.paired, "units": _checked_units(units, grid), "method": label(method),
+        "tol": float(tol), "problem": _identity(problem, grid) if stored else {"name": _name(problem)},
+    }  # fmt: skip
 
 
 def _name(problem: Source) -> str:

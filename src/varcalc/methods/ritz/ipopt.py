@@ -131,40 +131,10 @@ def optimise(
     if not system.size:  # everything is fixed by the ends: there is nothing to optimise
         return Descent(z, multipliers, system.evaluate(z).value, 0, ""), {}
     scale, size = _scales(system, z), _summed(system, z)
-    options: dict[str, Any] = {
-        "print_time": False,
-        "show_eval_warnings": False,
-        "no_nlp_grad": True,  # the sensitivities are taken from the curve, by the envelope theorem
-        "ipopt": {
-            "print_level": 0,
-            "sb": "yes",
-            "tol": ipopt.tol,
-            "acceptable_iter": 1,
-            "acceptable_compl_inf_tol": 1e-15,  # the barrier is as low as it gets
-            "acceptable_constr_viol_tol": ipopt.tol,
-            "max_iter": ipopt.iterations,
-            "mu_strategy": "adaptive",
-            "mu_min": 1e-16,  # what the barrier leaves is an error of the value
-            "constr_viol_tol": 1e-12,
-            "bound_relax_factor": 0.0,
-            # the variables are of size one: beyond this the functional has no lower bound
-            "diverging_iterates_tol": 1e8,
-        },
-    }
-    if _only_minimised(system):
-        alone = summed_up(system, scale, size)
-        program = _Program(alone.unknowns, alone.value, ProgramDerivatives(alone.unknowns))
-        options |= alone.options
-    else:
-        program = program_of(system, z, scale, size)
-        options |= program.derivatives.options(program.count)
-        if program.derivatives.straight:
-            options["ipopt"] |= {"jac_c_constant": "yes", "jac_d_constant": "yes"}
+    program, options = _posed(system, z, scale, size, ipopt)
     # beyond round-off the multipliers of bounds that hold a curve wander, and with them what is left of the gradient
     if known:
         options["ipopt"] |= AT_MINIMUM
-    lost = _round_off(options["hess_lag"], z / scale, program.count)
-    options["ipopt"]["acceptable_tol"] = min(max(ipopt.tol, lost), LEAST_EXACT)
     nlp = {"x": program.w, "f": program.objective}
     if program.rows:
         nlp["g"] = ca.vertcat(*program.rows)
@@ -182,6 +152,43 @@ def optimise(
     gap = size * _gap(program, result, given) if program.rows else 0.0
     equalities, others = _sort_multipliers(system, program, lam, len(multipliers))
     return Descent(found, equalities, at.value, int(stats["iter_count"]), reason, gap=gap), others
+
+
+def _posed(
+    system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float, ipopt: Ipopt
+) -> tuple[_Program, dict[str, Any]]:
+    """The program in unknowns in units of ``scale``, its sums in units of ``size``, and the options of its solver."""
+    if _only_minimised(system):
+        alone = summed_up(system, scale, size)
+        program, derivatives = _Program(alone.unknowns, alone.value, ProgramDerivatives(alone.unknowns)), alone.options
+        straight = False
+    else:
+        program = program_of(system, z, scale, size)
+        derivatives, straight = program.derivatives.options(program.count), program.derivatives.straight
+    lost = _round_off(derivatives["hess_lag"], z / scale, program.count)
+    settings = {
+        "print_level": 0,
+        "sb": "yes",
+        "tol": ipopt.tol,
+        "acceptable_tol": min(max(ipopt.tol, lost), LEAST_EXACT),
+        "acceptable_iter": 1,
+        "acceptable_compl_inf_tol": 1e-15,  # the barrier is as low as it gets
+        "acceptable_constr_viol_tol": ipopt.tol,
+        "max_iter": ipopt.iterations,
+        "mu_strategy": "adaptive",
+        "mu_min": 1e-16,  # what the barrier leaves is an error of the value
+        "constr_viol_tol": 1e-12,
+        "bound_relax_factor": 0.0,
+        # the variables are of size one: beyond this the functional has no lower bound
+        "diverging_iterates_tol": 1e8,
+    } | ({"jac_c_constant": "yes", "jac_d_constant": "yes"} if straight else {})
+    options: dict[str, Any] = {
+        "print_time": False,
+        "show_eval_warnings": False,
+        "no_nlp_grad": True,  # the sensitivities are taken from the curve, by the envelope theorem
+        "ipopt": settings,
+    }
+    return program, options | derivatives
 
 
 def _round_off(hessian: ca.Function, start: np.ndarray, rows: int) -> float:

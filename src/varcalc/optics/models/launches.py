@@ -262,25 +262,27 @@ def launches(
         path = float(root[n] * aims.distance[n])
         launch = Launch(float(root[n]), 0.0, 0.0, path, int(aims.way[n]), False, 0.0, aims.distance[n], -1, np.inf)
         rays.append((int(n), launch))
-    resting = _resting(spread, aims)
     own: list[tuple[list[Launch], list[Launch]]] = [([], []) for _ in pair]
     for k, (n, launch) in enumerate(rays):
         if launch.path <= aims.within[n]:
             own[aims.question[n]][0 if k < len(whole[0]) else 1].append(launch)
-    lost = np.bincount(aims.question[families.aim[found.lost]], minlength=len(pair))
+    resting = _resting(spread, aims)
+    unresolved = series.given_up[pair] + np.bincount(aims.question[families.aim[found.lost]], minlength=len(pair))
     without_end = np.bincount(aims.question[endless], minlength=len(pair)) > 0
-    out = []
-    for q, (level_ones, others) in enumerate(own):
-        continua = _one_each(level_ones)
-        alone = [
-            one for one in others
-            if not any(abs(one.path - other.path) <= SAME_CONTINUUM * other.path for other in continua)
-        ]  # fmt: skip
-        unresolved = int(series.given_up[pair[q]] + lost[q])
-        looked_at = int(series.looked_at[pair[q]])
-        rays_ = continua + _distinct(alone)
-        out.append(Launches(rays_, len(continua) > 0, looked_at, int(resting[q]), unresolved, bool(without_end[q])))
-    return out
+    return [
+        Launches(*_apart(*own[q]), int(series.looked_at[pair[q]]), int(resting[q]), int(unresolved[q]), bool(end))
+        for q, end in enumerate(without_end)
+    ]
+
+
+def _apart(level_ones: list[Launch], others: list[Launch]) -> tuple[list[Launch], bool]:
+    """The rays of a question, one of each family that all meet the point, and whether there are such families."""
+    continua = _one_each(level_ones)
+    alone = [
+        one for one in others
+        if not any(abs(one.path - other.path) <= SAME_CONTINUUM * other.path for other in continua)
+    ]  # fmt: skip
+    return continua + _distinct(alone), len(continua) > 0
 
 
 def _continua(
