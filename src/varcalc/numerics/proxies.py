@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from varcalc.numerics.chebyshev import roots, to_series
 from varcalc.numerics.roots import bracketed_newton
 
 DEGREE = 15
@@ -111,13 +112,10 @@ class Proxies:
         return middle - half / np.cos(np.pi / 8), middle + half / np.cos(np.pi / 8)
 
 
-_ANGLES = np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)
-_POINTS = np.cos(_ANGLES)
-_TO_SERIES = 2 / (DEGREE + 1) * np.cos(np.arange(DEGREE + 1)[:, None] * _ANGLES)
-_TO_SERIES[0] /= 2
+_POINTS, _TO_SERIES = roots(DEGREE + 1), to_series(DEGREE + 1)
 _HALVES = [_TO_SERIES @ chebyshev.chebvander((_POINTS + side) / 2, DEGREE) for side in (-1, 1)]
 """From a series to those on the left and on the right half of its panel."""
-_AT_MANY = chebyshev.chebvander(np.cos(np.pi * (np.arange(4 * DEGREE) + 0.5) / (4 * DEGREE)), DEGREE)
+_AT_MANY = chebyshev.chebvander(roots(4 * DEGREE), DEGREE)
 _AT_CHECKED = chebyshev.chebvander(CHECKED, DEGREE)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.methods.answer import AlongGraph
+from varcalc.numerics.chebyshev import roots
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
@@ -197,7 +198,7 @@ def _evaluated(solution: Solution) -> AlongGraph | None:
 def places(solution: Solution, count: int = TRIED_PLACES) -> np.ndarray:
     """Abscissae at which slopes are tried: Chebyshev's points, as a free end may bend the curve beside it alone."""
     low, high = (float(v) for v in (solution.x.min(), solution.x.max()))
-    return low + (high - low) * 0.5 * (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count))
+    return low + (high - low) * 0.5 * (1.0 - roots(count))
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -110,17 +111,14 @@ class RestCurve:
 
     def step(self, here: Station, length: float) -> Station | None:
         """The equilibrium in the plane across the tangent at a ``length`` from a station; None where there is none."""
-        z, change = here.z + length * here.tangent * self.size, np.full(len(here.z), np.inf)
-        for _ in range(STEPS_ONTO_CURVE):
+
+        def across(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             pull, slope = self._slopes(z)
-            off = length - here.tangent @ ((z - here.z) / self.size)
-            if not np.all(np.isfinite(slope)) or not np.all(np.isfinite(pull)):
-                return None
-            change = np.linalg.lstsq(np.vstack([slope, here.tangent]), np.append(-pull, off), rcond=None)[0]
-            z = z + change * self.size
-            if np.abs(change).max() <= CONVERGED:
-                break
-        return self.station(z, here.tangent) if np.abs(change).max() <= CONVERGED**0.5 else None
+            off = here.tangent @ ((z - here.z) / self.size) - length
+            return np.append(pull, off), np.vstack([slope, here.tangent])
+
+        found = _zero(across, here.z + length * here.tangent * self.size, self.size, STEPS_ONTO_CURVE)
+        return None if found is None else self.station(found[0], here.tangent)
 
     def at_edge(self, here: Station, length: float, low: np.ndarray, high: np.ndarray) -> Station | None:
         """The last station inside the box on the way of a step that leaves it."""
@@ -149,20 +147,18 @@ class RestCurve:
 
     def _solved(self, function: ca.Function, start: np.ndarray) -> tuple[np.ndarray, float] | None:
         """A regular zero of extended equations next to a guess, and what its parameter may be off."""
-        z, width = start, np.append(self.size, np.ones(len(start) - self._n - 1))
-        change = np.full(len(z), np.inf)
-        for _ in range(3 * STEPS_ONTO_CURVE):
+        width = np.append(self.size, np.ones(len(start) - self._n - 1))
+
+        def scaled(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             values, slopes = (np.array(part) for part in function(z))
-            if not np.all(np.isfinite(slopes)):
-                return None
             slopes = slopes * width
             rows = np.maximum(np.abs(slopes).max(axis=1), 1e-300)
-            change = np.linalg.lstsq(slopes / rows[:, None], -values.ravel() / rows, rcond=None)[0]
-            z = z + change * width
-            if np.abs(change).max() <= CONVERGED:
-                break
-        if not np.abs(change).max() <= CONVERGED**0.5:
+            return values.ravel() / rows, slopes / rows[:, None]
+
+        found = _zero(scaled, start, width, 3 * STEPS_ONTO_CURVE)
+        if found is None:
             return None
+        z, change = found
         if np.abs((z - start)[: self._n + 1] / self.size).max() > ANOTHER_BIFURCATION:
             return None
         error = (abs(change[self._n]) + 8 * np.finfo(float).eps) * float(self.size[-1])
@@ -217,3 +213,22 @@ class RestCurve:
         length = float(np.linalg.norm(along))
         met = self.step(Station(z, along / length, 0.0, stable=False), length)
         return None if met is None else met.z
+
+
+def _zero(
+    equations: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], z: np.ndarray, size: np.ndarray, steps: int
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Newton's method from ``z`` on: where it ends and its last correction, in units of ``size``; None where nowhere.
+
+    ``equations`` give values, and slopes in these units, of which there may be more than unknowns.
+    """
+    change = np.full(len(z), np.inf)
+    for _ in range(steps):
+        values, slopes = equations(z)
+        if not (np.all(np.isfinite(values)) and np.all(np.isfinite(slopes))):
+            return None
+        change = np.linalg.lstsq(slopes, -values, rcond=None)[0]
+        z = z + change * size
+        if np.abs(change).max() <= CONVERGED:
+            break
+    return (z, change) if np.abs(change).max() <= CONVERGED**0.5 else None

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from varcalc.numerics.chebyshev import roots, to_series
 from varcalc.progress import Telling
 
 DEGREE = 23
@@ -120,11 +121,11 @@ class PiecewiseSeries:
 def _panel(values: Values, low: np.ndarray, high: np.ndarray) -> tuple[SeriesPatch, np.ndarray]:
     """The series between two corners, and the last coefficients in either parameter (2, F)."""
     counts = [DEGREE + 1 if b > a else 1 for a, b in zip(low, high, strict=True)]
-    nodes, to_series = zip(*(_nodes(count) for count in counts), strict=True)
-    places = [(a + b) / 2 + (b - a) / 2 * x for a, b, x in zip(low, high, nodes, strict=True)]
+    places = [(a + b) / 2 + (b - a) / 2 * roots(count) for a, b, count in zip(low, high, counts, strict=True)]
     grid = np.meshgrid(*places, indexing="ij")
     sampled = values(grid[0].ravel(), grid[1].ravel()).reshape(*counts, -1)
-    coefficients = np.einsum("ni,ijf,mj->nmf", to_series[0], sampled, to_series[1], optimize=True)
+    series = [to_series(count) for count in counts]
+    coefficients = np.einsum("ni,ijf,mj->nmf", series[0], sampled, series[1], optimize=True)
     ends = [
         np.abs(coefficients[-TAIL:]).max(axis=(0, 1)) if counts[0] > 1 else np.zeros(sampled.shape[2]),
         np.abs(coefficients[:, -TAIL:]).max(axis=(0, 1)) if counts[1] > 1 else np.zeros(sampled.shape[2]),
@@ -132,11 +133,3 @@ def _panel(values: Values, low: np.ndarray, high: np.ndarray) -> tuple[SeriesPat
     tails = np.array(ends)
     floor = np.finfo(float).eps * np.abs(sampled).max(axis=(0, 1))
     return SeriesPatch(low, high, coefficients, TAIL * (tails.sum(axis=0) + floor)), tails
-
-
-def _nodes(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Chebyshev points (N,) and the matrix from values at them to coefficients."""
-    angles = np.pi * (np.arange(count) + 0.5) / count
-    to_series = 2 / count * np.cos(np.arange(count)[:, None] * angles)
-    to_series[0] /= 2
-    return np.cos(angles), to_series

@@ -13,7 +13,9 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from varcalc.numerics.chebyshev import roots, to_series
 from varcalc.numerics.one_coordinate.motions import CoordinateMotion
+from varcalc.numerics.one_coordinate.quadrature import seen
 from varcalc.numerics.one_coordinate.slopes import SameSlopes
 
 DEGREE = 15
@@ -39,8 +41,7 @@ CHECKED = np.array([-1.0, -0.613, 0.287, 1.0])
 TOGETHER = 64
 """Panels integrated over together; bounds the memory."""
 
-_POINTS = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
-_TO_SERIES = np.linalg.inv(chebyshev.chebvander(_POINTS, DEGREE))
+_POINTS, _TO_SERIES = roots(DEGREE + 1), to_series(DEGREE + 1)
 _INTEGRATED = np.array([chebyshev.chebint(row, lbnd=-1.0) for row in np.eye(DEGREE + 1)]).T
 _DERIVED = np.pad(chebyshev.chebder(np.eye(DEGREE + 2), axis=1), ((0, 0), (0, 1))).T
 """From Chebyshev polynomials to their derivatives."""
@@ -103,7 +104,7 @@ def leaves(slopes: SameSlopes, low: np.ndarray, high: np.ndarray) -> list[tuple[
             start = way.start[part][DEGREE // 2] / most[part][DEGREE // 2]
             leaf, off = _leaf((float(low[number]), float(high[number])), own, most[part], ends[part], start)
             turns = (slopes.reference + ends[part][_ASCENDING]).T
-            out[number] = leaf, off if np.all(_seen(way.gentle, turns)) else np.inf
+            out[number] = leaf, off if np.all(seen(way.gentle, turns)) else np.inf
     return out
 
 
@@ -190,13 +191,13 @@ def _along(way: CoordinateMotion, most: np.ndarray, agreed: np.ndarray) -> list[
     lost = np.zeros(len(agreed), dtype=bool)
     done: list[list[tuple[float, np.ndarray, np.ndarray]]] = [[] for _ in agreed]
     for _ in range(SHARE_HALVINGS):
-        values, seen = _integrands(way, most, leaf, left, width)
+        values, told = _integrands(way, most, leaf, left, width)
         own = np.tensordot(values, _TO_SERIES, (3, 1))  # (COLUMNS, n, COUNT, DEGREE + 1)
         tail = np.abs(own[..., -2:]).max(axis=3)
         left_over = (tail / np.abs(values).max(axis=3)).max(axis=(0, 2))
         # what does not get less is round-off
         noise = (left_over <= np.maximum(agreed[leaf], NOISE)) & (left_over > before / LESS)
-        fine = ((left_over <= TOLD) | noise) & seen
+        fine = ((left_over <= TOLD) | noise) & told
         step = width / 2 * most.reshape(-1, COUNT)[leaf]
         sums = np.moveaxis((own * step[..., None]) @ _INTEGRATED.T, 0, -1)
         off = (tail * step).max(axis=2).T / DEGREE**2
@@ -224,20 +225,15 @@ def _integrands(
     way: CoordinateMotion, most: np.ndarray, leaf: np.ndarray, left: np.ndarray, width: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """What is integrated on panels (n,) of leaves, (COLUMNS, n, COUNT, DEGREE + 1); whether points tell all (n,)."""
-    parts, seen = [], []
+    parts, told = [], []
     share = left[:, None] + width * (1 + _IN_PANEL) / 2
     for first in range(0, len(leaf), TOGETHER):
         some = slice(first, first + TOGETHER)
         rows = (leaf[some, None] * COUNT + np.arange(COUNT)).ravel()
         places, values = way.take(rows).integrands(most[rows, None] * np.repeat(share[some], COUNT, axis=0))
         parts.append(values[:COLUMNS, :, 1:-1].reshape(COLUMNS, -1, COUNT, DEGREE + 1))
-        seen.append(_seen(way.gentle, places).reshape(-1, COUNT).all(axis=1))
-    return np.concatenate(parts, axis=1), np.concatenate(seen)
-
-
-def _seen(gentle: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """True (m,) where no two neighbours of ``places`` (m, k) have several of the ``gentle`` ones between them."""
-    return np.all(np.abs(np.diff(np.searchsorted(gentle, places), axis=1)) <= 1, axis=1)
+        told.append(seen(way.gentle, places).reshape(-1, COUNT).all(axis=1))
+    return np.concatenate(parts, axis=1), np.concatenate(told)
 
 
 def grouped(numbers: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:

@@ -68,11 +68,14 @@ def _panel(way: Integrable, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarr
     """
     half = (high - low) / 2
     places, values = way.integrands(((low + high) / 2)[:, None] + half[:, None] * NODES)
-    told = np.ones(len(low), bool)
-    if len(way.gentle):
-        passed = np.searchsorted(way.gentle, places)
-        told = np.all(np.abs(np.diff(passed, axis=1)) <= 1, axis=1)
-    return half * (values @ WEIGHTS), np.abs(half) * (np.abs(values) @ WEIGHTS), told
+    return half * (values @ WEIGHTS), np.abs(half) * (np.abs(values) @ WEIGHTS), seen(way.gentle, places)
+
+
+def seen(gentle: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """True (m,) where no two neighbours of ``places`` (m, k) have several of the ``gentle`` ones between them."""
+    if len(gentle) == 0:
+        return np.ones(len(places), dtype=bool)
+    return np.all(np.abs(np.diff(np.searchsorted(gentle, places), axis=1)) <= 1, axis=1)
 
 
 def integrals(

@@ -18,7 +18,7 @@ import numpy as np
 from varcalc.numerics.mesh import gauss
 from varcalc.numerics.one_coordinate.motions import AT_JUMP, CoordinateMotion, OneTurn, TwoTurns
 from varcalc.numerics.one_coordinate.panels import transform
-from varcalc.numerics.one_coordinate.quadrature import MOST_PANELS, PANEL_HALVINGS, cut
+from varcalc.numerics.one_coordinate.quadrature import MOST_PANELS, PANEL_HALVINGS, cut, seen
 from varcalc.optics.models.reduction import RayPotential
 from varcalc.optics.rays.beam import Rows
 
@@ -53,11 +53,11 @@ def passages_between_stops(
         left = Stretches.joined([Stretches.of(potential, way, *part) for part in parts])
         total, size = np.zeros((2, len(low), 2))
         for _ in range(PANEL_HALVINGS):
-            sums, tails, seen = _integrated(potential, left, C)
+            sums, tails, told = _integrated(potential, left, C)
             size = np.maximum(size, total + _by_row(left.row, np.abs(sums), total))
             known = np.isfinite(sums).all(axis=1)
             small = tails**2 <= TAILS_MARGIN * agreed[left.row, None] * size[left.row] ** 2
-            fine = known & seen & np.all(small, axis=1)
+            fine = known & told & np.all(small, axis=1)
             total += _by_row(left.row[fine], sums[fine], total)
             total[left.row[~known]] = np.nan
             lost = ~np.all(np.isfinite(total), axis=1)
@@ -163,8 +163,7 @@ def _integrated(
 
     Last comes whether no two neighbours of the places have several between them at which g varies fast (n,).
     """
-    (sums, tails), seen = np.empty((2, len(stretches), 2)), np.ones(len(stretches), dtype=bool)
-    gentle = potential.gentle
+    (sums, tails), told = np.empty((2, len(stretches), 2)), np.ones(len(stretches), dtype=bool)
     for begin in range(0, len(stretches), STRETCHES_TOGETHER):
         some = slice(begin, begin + STRETCHES_TOGETHER)
         part = stretches.take(some)
@@ -174,16 +173,14 @@ def _integrated(
         v = first + (last - first) * at
         share = at * (first + v) / both
         squared = part.squared(potential, share)
-        if len(gentle):
-            places = part.base[:, None] + share[:, :RULE_POINTS] * part.along[:, None]
-            seen[some] = np.all(np.abs(np.diff(np.searchsorted(gentle, places), axis=1)) <= 1, axis=1)
+        told[some] = seen(potential.gentle, part.base[:, None] + share[:, :RULE_POINTS] * part.along[:, None])
         rate = 2 * np.abs(part.along)[:, None] / both * v / np.sqrt(squared)
         rates = np.stack([rate, rate * (C[part.row, None] + squared)], axis=1)
         inside, beside = rates[..., :RULE_POINTS], rates[..., RULE_POINTS]
         sums[some] = part.sense[:, None] * (inside @ _HALF_WEIGHTS)
         unseen = np.abs(inside @ _AT_SLOWER - beside)
         tails[some] = np.maximum(np.abs(inside @ _LAST.T).max(axis=2), unseen)
-    return sums, tails, seen
+    return sums, tails, told
 
 
 def _by_row(rows: np.ndarray, parts: np.ndarray, total: np.ndarray) -> np.ndarray:
