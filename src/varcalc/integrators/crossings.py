@@ -6,6 +6,8 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -60,14 +62,19 @@ class Crossings:
 
     def _series(self, walker: Walker, side: tuple[int, ...], counts: np.ndarray) -> dict[str, np.ndarray]:
         """What :attr:`Piece.series` gives on a side, where a walker is."""
-        m, k = len(self.system.sides.places), self.system.stops
         numbers = np.concatenate([walker.constants, counts, [walker.direction]])
         row = self.system.piece(side).series(1, walker.state[None, :], numbers[None, :])[0]
-        names = ["terms", "size", "stops", "stop_rates", "kept", "rates"]
-        widths = [(ORDERS + 1) * m, m, k, k, self.system.sides.function.numel_out(2)]
-        parts = dict(zip(names, np.split(row, np.cumsum(widths)), strict=True))
-        parts["terms"] = parts["terms"].reshape(ORDERS + 1, m)
+        parts = {name: row[own] for name, own in self._columns.items()}
+        parts["terms"] = parts["terms"].reshape(ORDERS + 1, -1)
         return parts
+
+    @cached_property
+    def _columns(self) -> dict[str, slice]:
+        """Where the parts of :attr:`Piece.series` stand."""
+        m, k = len(self.system.sides.places), self.system.stops
+        ends = np.cumsum([0, (ORDERS + 1) * m, m, k, k, self.system.sides.function.numel_out(2)]).tolist()
+        names = ("terms", "size", "stops", "stop_rates", "kept", "rates")
+        return {name: slice(*pair) for name, pair in zip(names, pairwise([*ends, None]), strict=True)}
 
     def _counted(self, arguments: np.ndarray, lower: dict[int, int]) -> np.ndarray:
         """The counts at the ``arguments``, or the whole numbers in ``lower``, by place."""
@@ -199,6 +206,8 @@ class Crossings:
 
     def _met_with(self, walker: Walker, left: tuple[int, ...]) -> int:
         """The first of the person's stops that is zero where a switch is."""
+        if not self.system.stops:
+            return NONE
         here = self._series(walker, walker.side, walker.counts)
         time = ON * max(abs(walker.state[-1]), walker.gone)
         near = np.abs(here["stops"]) <= time * np.abs(here["stop_rates"])

@@ -18,6 +18,8 @@ PART = 16
 """Of the times at which a long motion is looked at: how many lie between two at which it may be stopped."""
 FEW_STEPS, MOST_STEPS = 4000, 100_000_000
 """Of a motion that is over before code that runs fast is compiled, and of any."""
+NO_FARTHER = 1e-9
+"""Of how far a run has come: what another is ahead that comes no farther."""
 STEP_ROUND_OFF = 4 * float(np.finfo(float).eps)
 """Of the coordinates: what a step adds at random."""
 ERROR_MARGIN = 8.0
@@ -59,9 +61,12 @@ def course(
         run, careful, stopped = flying.trajectory(looked, state, numbers, dense=True), None, False
         if run.outcome is RunOutcome.TOO_MANY_STEPS:  # worth code that runs fast
             flying = flow(integrators.for_one(MOST_STEPS, quick=False))
-            run, careful, stopped = _in_parts(flying, state, numbers, looked, told)
-            looked = run.abscissae
-            run = replace(run, trajectory=Checkpoints(flying, numbers, looked, run.states))
+            again, careful, stopped = _in_parts(flying, state, numbers, looked, told)
+            # where pieces are too many, parts lead no farther than the whole, which is known between as well
+            farther = abs(again.reached - run.reached) > NO_FARTHER * abs(run.reached - first)
+            if again.outcome is not RunOutcome.TOO_MANY_STEPS or farther:
+                looked = again.abscissae
+                run = replace(again, trajectory=Checkpoints(flying, numbers, looked, again.states))
     if run.trajectory is None or run.outcome is RunOutcome.NOT_FINITE:
         raise ValueError(f"the motion cannot begin: {run.outcome.value}")
     states = run.states
