@@ -11,10 +11,9 @@ from collections.abc import Callable, Sequence
 
 import casadi as ca
 
-from varcalc.symbolic.instructions import Program
+from varcalc.symbolic.instructions import POWERS, SUMS, Program
 
 KEEPING = {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_TWICE}
-SUMS = {ca.OP_ADD, ca.OP_SUB}
 
 
 def degrees(function: ca.Function, watched: Sequence[Sequence[bool]]) -> list[list[float]]:
@@ -54,7 +53,7 @@ def _powered(base: Degree, exponent: Degree) -> float:
 RULES: dict[int, Callable[..., float]] = {
     **dict.fromkeys(KEEPING, lambda a: a[0]),
     **dict.fromkeys(SUMS, lambda a, b: max(a[0], b[0])),
-    **dict.fromkeys((ca.OP_POW, ca.OP_CONSTPOW), _powered),
+    **dict.fromkeys(POWERS, _powered),
     ca.OP_MUL: lambda a, b: a[0] + b[0],
     ca.OP_SQ: lambda a: 2.0 * a[0],
     ca.OP_DIV: lambda a, b: math.inf if b[0] else a[0],

@@ -18,7 +18,7 @@ from varcalc.certificates.convex_terms import BrokenTerm, ConvexTerm, Power
 from varcalc.certificates.degree import degrees
 from varcalc.certificates.piecewise import NotPiecewise, PiecewisePolynomial, applied, between
 from varcalc.problem.functional import Symbols
-from varcalc.symbolic.instructions import Program, operate
+from varcalc.symbolic.instructions import POWERS, SUMS, Program, operate
 from varcalc.symbolic.tracing import Expression
 
 LOST = 2.0**-48
@@ -27,8 +27,6 @@ DEEPEST = 20
 """Operations down to which expressions are compared."""
 KINKS = {ca.OP_FABS, ca.OP_FMAX, ca.OP_FMIN}
 SWITCHING = {*KINKS, ca.OP_SIGN, ca.OP_LT, ca.OP_LE}
-POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
-SUMS = {ca.OP_ADD, ca.OP_SUB}
 SHARES_OF_PART = (Fraction(1, 2), Fraction(3, 7), Fraction(8, 13), Fraction(5, 19))
 """Shares of a part at which its branch is looked at."""
 

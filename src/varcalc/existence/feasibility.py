@@ -25,6 +25,7 @@ from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
+from varcalc.symbolic.evaluation import in_columns
 
 EQUAL = 1e-9
 """Relative distance from an extreme level at which only the extreme curve itself is left."""
@@ -195,7 +196,7 @@ def _sizes(problem: Problem) -> dict[int, float]:
     x = np.linspace(*problem.span, CHORD_POINTS)
     y = formulate(problem).start.curve(x)
     slope = np.gradient(y, x, axis=1)
-    numbers = [np.repeat(v[:, None], CHORD_POINTS, axis=1) for v in (problem.parameter_values, problem.unknown_guesses)]
+    numbers = in_columns(CHORD_POINTS, problem.parameter_values, problem.unknown_guesses)
     second = np.zeros((problem.symbols.ddy.numel(), CHORD_POINTS))
     sizes = {}
     for traced in problem.traced:

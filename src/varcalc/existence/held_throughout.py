@@ -23,15 +23,15 @@ from varcalc.numerics.resampled import resampled
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Status
+from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.switches import Switch
+from varcalc.verify.held_by_kinks import BESIDE_KINK
 
 Curve = Callable[[np.ndarray, int], np.ndarray]
 
 SUMMED_ELEMENTS, SUMMED_POINTS = 64, 12
 MOMENTUM_STEPS = 2001
 """Abscissae between which the interval of momenta is followed."""
-BESIDE_KINK = 1e-7
-"""Distance from a kink, in units of what the functional feels, at which the derivatives on its sides are taken."""
 NEARLY = 1e-5
 """Part of the largest derivative by which an interval may be empty: what derivatives beside a kink are off by."""
 ON_KINK = 1e-9
@@ -230,7 +230,7 @@ def _sensitivities(problem: Problem, along: Curve, x: np.ndarray, weights: np.nd
     rate = ca.Function("rate", s.all, [ca.densify(ca.gradient(problem.integrand, s.parameters))])
     y, slope = along(x, 0), along(x, 1)
     y_aside, slope_aside = _beside(problem)
-    numbers = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, problem.unknown_guesses)]
+    numbers = in_columns(len(x), problem.parameter_values, problem.unknown_guesses)
     blank = np.zeros((s.ddy.numel(), len(x)))
     rates = np.array(
         [

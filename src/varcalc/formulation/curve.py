@@ -25,6 +25,7 @@ from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Curve
 from varcalc.symbolic.derived import Cache, derived
+from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.tracing import Expression
 
 BASELINE_POINTS = 64
@@ -104,7 +105,7 @@ def _along(problem: Curve, expressions: list[Expression], curve: Sampled) -> np.
     slope = (curve(s + step) - curve(s - step)) / (2 * step)
     symbols = problem.symbols
     function = ca.Function("along", [symbols.y, symbols.dy, symbols.parameters, symbols.unknowns], expressions)
-    numbers = [np.tile(v[:, None], (1, BASELINE_POINTS)) for v in (problem.parameter_values, problem.unknown_guesses)]
+    numbers = in_columns(BASELINE_POINTS, problem.parameter_values, problem.unknown_guesses)
     results = function(curve(s), slope, *numbers)
     return np.vstack([np.asarray(r) for r in (results if isinstance(results, tuple) else (results,))])
 

@@ -20,6 +20,7 @@ from varcalc.formulation.height import height
 from varcalc.problem.functional import Symbols
 from varcalc.symbolic.branches import multiple
 from varcalc.symbolic.derived import Cache
+from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.instructions import interpret, operate
 from varcalc.symbolic.joins import joined
 from varcalc.symbolic.switches import CONTINUOUS, alike, arguments, switches
@@ -109,7 +110,7 @@ class _Kinks:
         symbols, tops = form.symbols, ca.vertcat(*self.tops)
         slopes = np.gradient(y, s, axis=1)
         bends = np.gradient(slopes, s, axis=1)[: symbols.ddy.numel()]
-        numbers = [np.tile(v[:, None], (1, len(s))) for v in (form.problem.parameter_values, form.start.unknowns)]
+        numbers = in_columns(len(s), form.problem.parameter_values, form.start.unknowns)
         point = [s[None], y, slopes, bends, *numbers]
         greater = ca.vertcat(*(ca.fmax(a, b) for a, b in self.branches))
         larger = ca.vertcat(*(ca.fmax(ca.fabs(a), ca.fabs(b)) for a, b in self.branches))

@@ -21,7 +21,7 @@ from varcalc.integrators.lowering import CannotLower, scalar_function
 from varcalc.integrators.protocol import Engine, Flow, Landing, Run, RunOutcome
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.instructions import interpret, operate
+from varcalc.symbolic.instructions import POWERS, interpret, operate
 from varcalc.symbolic.tracing import Expression
 from varcalc.symbolic.variation import LEAST_POWER, LOCAL, SEEN_FROM_AFAR, VARYING, Between, excess, gentle
 
@@ -39,7 +39,6 @@ OFF_CENTRE = 0.5
 """Added to u in arsinh u: what is odd or even in time has a series with gaps, and what looks ahead must have none."""
 SOFT = 1e-9
 """Below that ln |u| is smooth: a run may go through u = 0 where nothing comes of it."""
-POWERS = {ca.OP_POW, ca.OP_CONSTPOW}
 LENGTHS = {ca.OP_HYPOT, ca.OP_ATAN2}
 FROM_EDGES: dict[int, tuple[float, ...]] = {
     ca.OP_LOG1P: (-1.0,), ca.OP_ACOSH: (1.0,), ca.OP_ASIN: (-1.0, 1.0), ca.OP_ACOS: (-1.0, 1.0),

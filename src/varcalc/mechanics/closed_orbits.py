@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import block_diag, eigh
 
 from varcalc.mechanics.action import Action
+from varcalc.mechanics.linearised import UNLIKE
 from varcalc.mechanics.monodromy import OUTSIDE_CIRCLE, Floquet, Monodromy
 from varcalc.mechanics.motion import Motion
 from varcalc.mechanics.orbit_symmetry import Repeats, Returns, TurningFrame, turning_frame
@@ -23,8 +24,6 @@ from varcalc.symbolic.evaluation import PointEvaluator
 
 SHOWN = 4
 """Multipliers that a print tells."""
-UNLIKE = 1e-9
-"""Relative difference of L at two places that are alike by a symmetry."""
 CLOSED, OPEN = 1e-14, 1e-9
 """Of the state: by how much an orbit is off its start that closes but for round-off, and one that does not."""
 NEIGHBOURHOOD = 0.1

@@ -23,6 +23,7 @@ from varcalc.problem.conditions import Holonomic, reals, sequence
 from varcalc.problem.conditions import text as text_of
 from varcalc.problem.functional import named
 from varcalc.problem.reading import equation_latex, equation_text, latex, text
+from varcalc.problem.reading.statement import LONGEST_LATEX
 from varcalc.showing import FACT_WIDTH, Fact, Shown, brief, counted, equations, line, listed
 from varcalc.spelling import check_names, spelled
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -31,8 +32,6 @@ from varcalc.symbolic.tracing import Expression
 
 MOST_NAMES = 4
 """Coordinates and equations that are told one by one."""
-LONGEST_LATEX = 1500
-"""Characters of a formula in a notebook."""
 COMPILED = "_rates", "_monodromy", "about_rest"
 """What a system shares with the same one for other parameters, which are arguments of these."""
 

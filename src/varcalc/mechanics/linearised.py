@@ -25,7 +25,7 @@ MOST_MODES = 6
 FORCE_ROUND_OFF = 1e-12
 """Of all forces: what is twisting or resistance by rounding."""
 UNLIKE = 1e-9
-"""Relative difference of equations at times that are alike."""
+"""Relative difference of what is the same at times or places that are alike."""
 STEADY = 1e-12
 """Of the matrices, in a time of the system's own: what counts as no change."""
 

@@ -21,6 +21,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, defined, no_answer
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import in_columns
 
 TURNED_BACK = 30.0
 """Factor by which a backward speed must exceed the relative error of all speeds to be believed."""
@@ -179,7 +180,7 @@ def sample(extremal: Extremal, s: np.ndarray) -> list[np.ndarray]:
     form = extremal.form
     y, dy = extremal.evaluate(s, 0), extremal.evaluate(s, 1)
     ddy = extremal.evaluate(s, 2) if form.symbols.ddy.numel() else np.zeros((0, len(s)))
-    numbers = [np.repeat(v[:, None], len(s), axis=1) for v in (form.problem.parameter_values, extremal.unknowns)]
+    numbers = in_columns(len(s), form.problem.parameter_values, extremal.unknowns)
     return [s[None, :], y, dy, ddy, *numbers]
 
 

@@ -18,6 +18,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.reading import names, text
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.switches import Switch
 
 AN_ELEMENT = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 16) / 16)
@@ -67,7 +68,7 @@ def arguments_along(
     """What decides each switch of ``on_curve``, at abscissae x (m,) of a curve; shape (switches, m)."""
     y, dy = curve(x, 0), curve(x, 1)
     ddy = curve(x, 2) if problem.order == 2 else np.zeros((0, len(x)))
-    columns = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, unknowns)]
+    columns = in_columns(len(x), problem.parameter_values, unknowns)
     with np.errstate(all="ignore"):
         return np.asarray(_arguments(problem)(x[None], y, dy, ddy, *columns)).reshape(-1, len(x))
 
@@ -127,7 +128,7 @@ def _onto(problem: Functional) -> ca.Function:
 def beside_jumps(problem: Functional, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
     """Ordinates (m,) just beside those at which L of one function jumps, on either side, from y (m,)."""
     jumps, still = _placed_jumps(problem), np.zeros((problem.symbols.ddy.numel(), len(x)))
-    numbers = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, problem.unknown_guesses)]
+    numbers = in_columns(len(x), problem.parameter_values, problem.unknown_guesses)
     found: list[np.ndarray] = []
     with np.errstate(all="ignore"):
         for k in range(len(jumps)):

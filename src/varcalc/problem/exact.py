@@ -17,14 +17,13 @@ from varcalc.problem.conditions import OfFunction
 from varcalc.problem.functional import Functional, rebuilt
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import derived
-from varcalc.symbolic.instructions import Program, operate
+from varcalc.symbolic.instructions import POWERS, Program, operate
 from varcalc.symbolic.tracing import Expression, TracedFunction, as_written
 
 STAYING = frozenset({0.0, 0.25, 0.5, 1.0, 2.0, 4.0})
 """Sizes of numbers that stay: products and quotients of these are exact, and no sum of two is rounded."""
 EXACT = frozenset({ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_DIV, ca.OP_NEG, ca.OP_TWICE, ca.OP_SQ, ca.OP_ASSIGN})
 """Operations that make a number of numbers that stay without rounding; of others, as sqrt(2), no number is made."""
-POWERS = frozenset({ca.OP_POW, ca.OP_CONSTPOW})
 
 
 def exactly(problem: Functional) -> Functional | None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import in_numbers, interpret, operate
+from varcalc.symbolic.instructions import SUMS, in_numbers, interpret, operate
 from varcalc.symbolic.tracing import Expression
 
 SMALL_POWER = 8
@@ -87,7 +87,7 @@ def _carried(operation: int, operands: Sequence[Carried]) -> Carried:
     change = rule(value, *operands) if rule is not None else None
     if change is None:
         change = _mean_change(operation, operands, value, base)
-    if operation in (ca.OP_ADD, ca.OP_SUB):
+    if operation in SUMS:
         value = _sum_there(value, operands, base, change)
     return Carried(value, base, change, probe)
 

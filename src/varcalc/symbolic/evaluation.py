@@ -291,6 +291,11 @@ class _Instructions:
         return results
 
 
+def in_columns(count: int, *numbers: np.ndarray) -> list[np.ndarray]:
+    """What is the same at ``count`` points, as CasADi's functions take it: arrays (k,) as (k, count)."""
+    return [np.repeat(v[:, None], count, axis=1) for v in numbers]
+
+
 def _nonzeros(function: ca.Function) -> list[int]:
     return [function.nnz_out(i) for i in range(function.n_out())]
 

@@ -26,6 +26,8 @@ KEPT_FUNCTIONS = 256
 
 NAMES = {code: name.removeprefix("OP_").lower() for name, code in vars(ca).items() if name.startswith("OP_")}
 """CasADi's name of each operation code."""
+SUMS, POWERS = frozenset({ca.OP_ADD, ca.OP_SUB}), frozenset({ca.OP_POW, ca.OP_CONSTPOW})
+"""Codes of sums and differences, and of powers."""
 
 
 class Call(int):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from varcalc.symbolic.instructions import NAMES, interpret, operate
+from varcalc.symbolic.instructions import NAMES, POWERS, interpret, operate
 from varcalc.symbolic.switches import Switch
 from varcalc.symbolic.tracing import Expression
 
@@ -46,11 +46,11 @@ def poles(expressions: Sequence[Expression], symbols: Sequence[Expression]) -> t
 
 
 def _factors(operation: int, operands: Sequence[_Factored], written: Expression) -> tuple[Expression, ...]:
-    if operation in SAME_ZEROS or operation == ca.OP_DIV or (_power(operation) and not _falls(operands)):
+    if operation in SAME_ZEROS or operation == ca.OP_DIV or (operation in POWERS and not _falls(operands)):
         return operands[0].factors
     if operation == ca.OP_MUL:
         return operands[0].factors + operands[1].factors
-    return () if operation == ca.OP_INV or _power(operation) else (written,)
+    return () if operation == ca.OP_INV or operation in POWERS else (written,)
 
 
 def _singular(operation: int, operands: Sequence[_Factored]) -> tuple[Expression, ...]:
@@ -58,11 +58,7 @@ def _singular(operation: int, operands: Sequence[_Factored]) -> tuple[Expression
     rule = SINGULAR_AT_ZEROS.get(operation)
     if rule is not None:
         return rule(operands)
-    return operands[0].factors if _power(operation) and not _whole(operands) else ()
-
-
-def _power(operation: int) -> bool:
-    return operation in (ca.OP_POW, ca.OP_CONSTPOW)
+    return operands[0].factors if operation in POWERS and not _whole(operands) else ()
 
 
 def _falls(operands: Sequence[_Factored]) -> bool:

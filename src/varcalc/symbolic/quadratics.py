@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import BINARY, UNARY
+from varcalc.symbolic.instructions import BINARY, SUMS, UNARY
 from varcalc.symbolic.intervals import EVERYTHING, Interval, applied
 
 INTERVAL_PIECES = 16
@@ -134,7 +134,7 @@ def outward(operation: int, operands: Sequence[Interval]) -> Interval:
     if operation in EXACT:
         return low, high
     sizes = [np.abs(end) for operand in operands for end in operand]
-    if operation not in (ca.OP_ADD, ca.OP_SUB) and any(
+    if operation not in SUMS and any(
         bool(np.any(np.isfinite(size) & (size != 0.0) & ((size < TINY) | (size > HUGE)))) for size in sizes
     ):
         return EVERYTHING

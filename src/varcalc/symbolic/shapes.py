@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from varcalc.symbolic.instructions import Call, operate, program
+from varcalc.symbolic.instructions import POWERS, Call, operate, program
 from varcalc.symbolic.tracing import Expression
 
-EXPONENTS = (ca.OP_POW, ca.OP_CONSTPOW)
 """Operations whose second number says of what kind they are."""
 NUMBER = -1
 """In the key, in place of where a number is."""
@@ -62,7 +61,7 @@ def shape(expressions: Sequence[Expression], symbols: Expression) -> WrittenShap
             work[step.target] = _Written(NUMBER, None, float(step.constant))
             continue
         operands = [] if step.operation == ca.OP_INPUT else [work[k] for k in step.sources]
-        if step.operation in EXPONENTS and operands[1].expression is None:
+        if step.operation in POWERS and operands[1].expression is None:
             operands[1] = _Written(NUMBER, ca.SX(operands[1].number))
             key.append(str(operands[1].expression))
         key.append((step.operation, step.place, *(part.place for part in operands)))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import NAMES, Call, in_numbers, interpret, operate
+from varcalc.symbolic.instructions import NAMES, SUMS, Call, in_numbers, interpret, operate
 from varcalc.symbolic.look_up import knots, straight
 from varcalc.symbolic.tracing import Expression
 
@@ -25,7 +25,6 @@ CONTINUOUS = {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
 """Those whose result does not jump."""
 CONDITIONS = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR}
 """Those whose result is a condition."""
-SUMS = {ca.OP_ADD, ca.OP_SUB}
 SWITCH_ROUND_OFF = 1e-12
 """Relative difference that is round-off."""
 WORDS = {"lt": "<", "le": "<=", "eq": "==", "ne": "!="}

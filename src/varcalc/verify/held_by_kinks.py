@@ -24,6 +24,7 @@ from varcalc.problem.conditions import Bound, Holonomic
 from varcalc.problem.functional import Functional
 from varcalc.solution import Finding, Solution, Verdict
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.evaluation import in_columns
 from varcalc.verify.candidate import HELD_TO, Candidate
 from varcalc.verify.check import Check
 
@@ -122,7 +123,7 @@ def _let_go(solution: Solution, releases: Sequence[Release]) -> Release | None:
     def values(heights: np.ndarray, release: Release) -> np.ndarray:
         """What is summed at x, infinite where a bound is passed, with bumps so high (h,); shape (h, m)."""
         bent = [np.hstack([rows + height * release.bump(x, k) for height in heights]) for k, rows in enumerate(known)]
-        numbers = [np.tile(v[:, None], (1, bent[0].shape[1])) for v in (problem.parameter_values, unknowns)]
+        numbers = in_columns(bent[0].shape[1], problem.parameter_values, unknowns)
         bend = [] if problem.order == 2 else [np.zeros((0, bent[0].shape[1]))]
         at = [np.tile(x, len(heights))[None], *bent, *bend, *numbers]
         terms = np.vstack([np.asarray(term) for term in integrals(problem).call(at)])
@@ -153,7 +154,7 @@ class _Sides:
         length = problem.span[1] - problem.span[0]
         units = np.repeat(self.unit / length ** np.arange(1 + order), problem.n)[:, None]
         unknowns = np.array([solution.unknowns[name] for name in problem.unknowns])
-        self._numbers = [np.tile(v[:, None], (1, len(x))) for v in (problem.parameter_values, unknowns)]
+        self._numbers = in_columns(len(x), problem.parameter_values, unknowns)
         number = next(i for i, switch in enumerate(on_curve(problem)) if switch is crossing.switch)
         on = np.concatenate([curve(x, k) for k in range(1 + order)])
         value, rate = (np.asarray(v) for v in _argument(problem)[number](*self._at(on)))

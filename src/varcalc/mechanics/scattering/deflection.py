@@ -12,10 +12,9 @@ from varcalc.mechanics.scattering.legs import BentAngles, EdgeLegs, TurningLegs
 from varcalc.mechanics.scattering.pieces import LOG_RADIUS_LIMIT, PieceOfEnergy, RadialGain, RadialPiece
 from varcalc.numerics.one_coordinate.potential import NodesOutwards
 from varcalc.numerics.one_coordinate.quadrature import AGREED
-from varcalc.numerics.roots import bracketed_newton
+from varcalc.numerics.roots import EPSILON, bracketed_newton
 from varcalc.showing import Brief, Shown
 
-EPSILON = float(np.finfo(float).eps)
 NEXT_TO_ORBITING = 1e-8
 """Of the impact parameter at which an orbit goes round: nearer, round-off takes more than the logarithm leaves out."""
 SAME_AS_ORBITING = 8 * EPSILON

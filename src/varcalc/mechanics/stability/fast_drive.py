@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import scipy.linalg
 
-from varcalc.mechanics.linearised import standing_forces
+from varcalc.mechanics.linearised import UNLIKE, standing_forces
 from varcalc.mechanics.system import System, check_system
 from varcalc.problem.conditions import positive, reals
 from varcalc.showing import Shown
@@ -25,8 +25,6 @@ DRAWN = 3
 """Times the usual number of random places."""
 SEPARATE = 1e-13
 """Of what a drive does at its strongest: a part of another form that is less is round-off."""
-UNLIKE = 1e-9
-"""Relative difference of L at times that are alike."""
 
 
 @spelled

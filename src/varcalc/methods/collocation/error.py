@@ -22,7 +22,10 @@ from varcalc.formulation import Form
 from varcalc.methods.answer import end_cost_function
 from varcalc.methods.collocation.newton import Sizes, Solve, factorised, measure
 from varcalc.methods.collocation.system import CollocationSystem, Residual, State, collocation_space
+from varcalc.methods.ritz.error import SAFETY
 from varcalc.numerics.mesh import Space
+from varcalc.numerics.roots import EPSILON
+from varcalc.symbolic.evaluation import in_columns
 
 CONTRACTION = 0.1
 """Largest ratio of successive corrections that counts as evidence; one quarter is where roots merge."""
@@ -32,9 +35,6 @@ CORRECTION_SETTLED = 1e-14
 """Relative size of the next simplified correction that leaves a root as good as any."""
 UNMET = 1e-6
 """Share of the residual that the correction of a singular system may leave."""
-SAFETY = 1.5
-"""The correction leaves out what lies beyond the richer space."""
-EPSILON = float(np.finfo(float).eps)
 ROUNDING = 4.0
 """Round-off of a sum, in units of its absolute terms and of the machine's precision."""
 
@@ -209,7 +209,7 @@ def curve_distance(system: CollocationSystem, old: State, new: State) -> Any:
         lifted = []
         s = system.space.quadrature(count)[0].reshape(1, -1)
         for y, d, state in ((y0, d0, old), (y1, d1, new)):
-            columns = [np.repeat(v[:, None], s.size, axis=1) for v in (state.unknowns, form.problem.parameter_values)]
+            columns = in_columns(s.size, state.unknowns, form.problem.parameter_values)
             out: Any = form.lift(s, y.reshape(s.size, -1).T, d.reshape(s.size, -1).T, *columns)
             lifted.append([np.asarray(v) for v in out])
         (x0, q0, dx, dq), (x1, q1, _, _) = lifted

@@ -17,6 +17,7 @@ from varcalc.formulation import Form, Sampled
 from varcalc.formulation.height import height
 from varcalc.methods.ritz.starts import AMPLITUDES, bent, scaled_ring
 from varcalc.numerics.mesh import gauss
+from varcalc.symbolic.evaluation import in_columns
 
 SCAN = np.geomspace(0.01, 30.0, 36)
 """Heights scanned for a prescribed integral, in units of the curve's own size."""
@@ -131,9 +132,7 @@ def _integral(form: Form) -> Callable[[Sampled], float]:
     condition = form.conditions.integrals[0]
     function = ca.Function("g", form.symbols.all, [condition.expression])
     s = np.linspace(*form.span, BASELINE_SAMPLES)
-    numbers = [
-        np.repeat(v[:, None], BASELINE_SAMPLES, axis=1) for v in (form.problem.parameter_values, form.start.unknowns)
-    ]
+    numbers = in_columns(BASELINE_SAMPLES, form.problem.parameter_values, form.start.unknowns)
 
     def miss(curve: Sampled) -> float:
         y = curve(s)

@@ -14,20 +14,17 @@ from varcalc.methods.first_integral.energy import EnergyLines
 from varcalc.methods.first_integral.families import EndOrdinates, Orbits, families, lingering
 from varcalc.methods.first_integral.isoperimetric import LevelStart
 from varcalc.methods.first_integral.lines import CurveBatch, CurveIntegrals
-from varcalc.methods.first_integral.reduction import Reduction
+from varcalc.methods.first_integral.reduction import PROBED_SLOPES, START_CLOSE, Reduction
 from varcalc.methods.first_integral.search import joining, solved
 from varcalc.numerics.one_coordinate.panels import Cumulative, distance
 from varcalc.numerics.resampled import SentResampled
 
-PROBED_SLOPES = np.array([1e-3, 0.3, -0.3, 1.0, -1.0, 4.0, -4.0])
-"""Slopes, in units of the mean one, at which L_vv and the behaviour at the ends are looked at."""
 STEP_ASIDE, SHARE_LEFT = 1e-3, 0.25
 """A step from an end, in units of the size, that leaves no more than such a share of L there: a singularity is near."""
 STATIONARY = 1e-13
 """L_y at an end, relative to its size nearby, below which the constant is an extremal."""
 EVEN = 1e-12
 """Relative size of L_y' at slope zero below which a turning point meets the natural condition."""
-START_CLOSE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -54,12 +51,7 @@ class Autonomous(Reduction):
 
     def _regular(self, y: float) -> bool:
         """True where L and its derivatives are numbers, at small slopes at least."""
-        return bool(np.isfinite(self.probe(y)[:, :, 0]).all())
-
-    def probe(self, y: float) -> np.ndarray:
-        """The parts of L and the constraints at an ordinate for every probed slope."""
-        slope = PROBED_SLOPES * self.integrands.scale
-        return self.integrands.at(np.zeros_like(slope), np.full_like(slope, y), slope)
+        return bool(np.isfinite(self.probe(0.0, y)[:, :, 0]).all())
 
     def _points(self, ends: EndValues) -> EndOrdinates:
         known = [y for y in (ends.y0, ends.y1) if y is not None]
@@ -88,7 +80,7 @@ class Autonomous(Reduction):
             return []
         if ends.y0 is None or ends.y1 is None:
             self._check_natural(inside)
-        sign = self.probe(inside)[0, 4]
+        sign = self.probe(0.0, inside)[0, 4]
         found: list[Joined] = []
         for orientation in (1.0, -1.0):
             if np.any(orientation * sign > 0) and self.legendre(orientation):
@@ -99,7 +91,7 @@ class Autonomous(Reduction):
         return found
 
     def _check_natural(self, inside: float) -> None:
-        parts = self.probe(inside)[0]
+        parts = self.probe(0.0, inside)[0]
         if abs(parts[3, 0]) > 2 * PROBED_SLOPES[0] * np.abs(parts[3]).max() + EVEN * np.abs(parts[0]).max():
             raise Unsuitable(
                 "the natural condition at the free end asks for a slope that is not zero, which FirstIntegral "
@@ -119,7 +111,11 @@ class Autonomous(Reduction):
         x = np.array([ends.x0, ends.x1, ends.x1])
         parts = self.integrands.at(x, y + size * np.array([0.0, 0.5, -0.5]), np.zeros(3))[0]
         nearby = [abs(v) for v in parts[1, 1:] if np.isfinite(v)]
-        if not nearby or not abs(parts[1, 0]) <= STATIONARY * max(nearby) or not self.legendre(self.probe(y)[0, 4, 0]):
+        if (
+            not nearby
+            or not abs(parts[1, 0]) <= STATIONARY * max(nearby)
+            or not self.legendre(self.probe(0.0, y)[0, 4, 0])
+        ):
             return None
         value = float(parts[0, 0]) * ends.width
         partials = self.integrands.partials_at(ends.x0, y) * ends.width

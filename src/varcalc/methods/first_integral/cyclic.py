@@ -12,13 +12,10 @@ from varcalc.methods.first_integral.contract import Aim, Joined, measure_one
 from varcalc.methods.first_integral.isoperimetric import LevelStart
 from varcalc.methods.first_integral.lines import CurveBatch
 from varcalc.methods.first_integral.momentum import SLOPE_GRID, Abscissae, Momentum, Rising, RisingCurve, rising
-from varcalc.methods.first_integral.reduction import Reduction
+from varcalc.methods.first_integral.reduction import START_CLOSE, Reduction
 from varcalc.methods.first_integral.search import joining, solved
 from varcalc.numerics.roots import scanned_root
 from varcalc.problem.breaks import breaks
-
-PROBED_SLOPES = np.array([1e-3, 0.3, -0.3, 1.0, -1.0, 4.0, -4.0])
-START_CLOSE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -48,12 +45,8 @@ class Cyclic(Reduction):
     def _points(self, ends: EndValues) -> Abscissae:
         marks = tuple(b for b in breaks(self.integrands.problem) if ends.x0 < b < ends.x1)
         stops = (ends.x0, *marks, ends.x1)
-        singular = tuple(not np.isfinite(self._probe(x)[:, :, 0]).all() for x in (ends.x0, ends.x1))
+        singular = tuple(not np.isfinite(self.probe(x, 0.0)[:, :, 0]).all() for x in (ends.x0, ends.x1))
         return Abscissae(stops, ends.width, (singular[0], singular[1]))
-
-    def _probe(self, x: float) -> np.ndarray:
-        slope = PROBED_SLOPES * self.integrands.scale
-        return self.integrands.at(np.full_like(slope, x), np.zeros_like(slope), slope)
 
     def curves(self, ends: EndValues) -> list[Joined]:
         """The curve with L_y' = c that rises as far as it must; c = 0 where an end is free."""
@@ -68,7 +61,7 @@ class Cyclic(Reduction):
     def _families(self, ends: EndValues, multipliers: np.ndarray) -> list[Rising]:
         points = self._points(ends)
         inside = 0.5 * (points.stops[0] + points.stops[1])
-        sign = self._probe(inside)[0, 4]
+        sign = self.probe(inside, 0.0)[0, 4]
         upward = ends.y0 is None or ends.y1 is None or ends.y1 >= ends.y0
         return [
             rising(Momentum(self.integrands, orientation, inside), points, upward, multipliers)

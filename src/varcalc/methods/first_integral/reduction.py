@@ -17,6 +17,10 @@ from varcalc.methods.first_integral.lines import CurveBatch
 from varcalc.methods.first_integral.refinement import quadrature_errors, truncation, unseen
 from varcalc.methods.first_integral.search import DIFFERENCE, TINY, refined
 
+PROBED_SLOPES = np.array([1e-3, 0.3, -0.3, 1.0, -1.0, 4.0, -4.0])
+"""Slopes, in units of the mean one, at which L_vv and the behaviour at the ends are looked at."""
+START_CLOSE = 1e-8
+"""Of what is to be covered, and of the levels: what a curve found from a start may miss before it is refined."""
 ERROR_PLACES = 0.5 - 0.5 * np.cos(np.linspace(0, np.pi, 41)[1:-1])
 """Where the curve's error is looked at, as shares of the interval."""
 BEND_STEP = 1e3
@@ -51,6 +55,11 @@ class Reduction(ABC):
     @abstractmethod
     def searched(self) -> str:
         """What kind of extremal is looked for, in words."""
+
+    def probe(self, x: float, y: float) -> np.ndarray:
+        """The parts of L and the constraints at a point for every probed slope."""
+        slope = PROBED_SLOPES * self.integrands.scale
+        return self.integrands.at(np.full_like(slope, x), np.full_like(slope, y), slope)
 
     def legendre(self, curvature: float) -> bool:
         """True when L_vv of this sign suits a minimum (a maximum where that is asked for)."""

@@ -24,6 +24,7 @@ from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.stacked import applied, positive
 from varcalc.solution import Verdict
+from varcalc.symbolic.evaluation import in_columns
 
 if TYPE_CHECKING:
     from varcalc.methods.ritz.method import Rungs
@@ -88,7 +89,7 @@ def _unplaced(system: RitzSystem, z: np.ndarray) -> Doubt | None:
     form, curve = system.form, system.space.curve(system.coefficients(z))
     ends = np.array(form.span)
     columns = [curve(ends, 0), curve(ends, 1), np.zeros((0, 2))]
-    numbers = [np.repeat(v[:, None], 2, axis=1) for v in (form.problem.parameter_values, system.unknowns(z))]
+    numbers = in_columns(2, form.problem.parameter_values, system.unknowns(z))
     s = form.symbols
     integral = ca.dot(ca.gradient(form.integrand, s.dy), s.dy) - form.integrand
     first, last = np.asarray(ca.Function("first", s.all, [integral])(ends[None], *columns, *numbers)).ravel()

@@ -22,6 +22,7 @@ from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import Cache
+from varcalc.symbolic.evaluation import in_columns
 
 MIXED = 6
 """Shifts at most that are taken in view at once."""
@@ -266,7 +267,7 @@ def _along(form: Form, expression: ca.SX) -> Callable[[np.ndarray, np.ndarray, n
     numbers = form.problem.parameter_values, form.start.unknowns
 
     def along(x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
-        columns = [np.tile(n[:, None], (1, len(x))) for n in numbers]
+        columns = in_columns(len(x), *numbers)
         return np.asarray(function(x[None], y, slope, np.zeros((0, len(x))), *columns))[0]
 
     return along

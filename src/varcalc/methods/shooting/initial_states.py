@@ -16,6 +16,7 @@ from varcalc.formulation import Form, Sampled
 from varcalc.formulation.height import height
 from varcalc.methods.shooting.flow import EulerLagrangeFlow, Scales
 from varcalc.numerics.mesh import gauss
+from varcalc.symbolic.evaluation import in_columns
 
 SEGMENT_POINTS = 9
 """Points of a segment at which the starting curve is sampled."""
@@ -44,7 +45,7 @@ def scales(equations: EulerLagrangeFlow, curve: Sampled) -> Scales:
     middle, slopes = s[1:-1], np.gradient(values, s, axis=1)[:, 1:-1]
     tower = [values[:, 1:-1], slopes] + [np.zeros_like(slopes)] * (2 * form.order - 2)
     numbers = [form.problem.parameter_values, form.start.unknowns, np.zeros(len(form.conditions.integrals))]
-    columns = [np.repeat(v[:, None], len(middle), axis=1) for v in numbers]
+    columns = in_columns(len(middle), *numbers)
     densities = np.abs(np.asarray(equations.densities(middle[None, :], *tower, *columns))) * width
     densities = np.where(np.isfinite(densities), densities, 0.0).max(axis=1)
     return Scales(ordinates, np.where(densities > 0, densities, densities.max() or 1.0))
@@ -97,9 +98,7 @@ def lambdas(equations: EulerLagrangeFlow, curve: Sampled) -> np.ndarray:
         return np.zeros(0)
     s = np.linspace(*form.span, 19)[1:-1]
     tower = whole(equations, curve, s, 2 * form.order)
-    fixed = [
-        np.repeat(v[:, None], len(s), axis=1) for v in (form.problem.parameter_values, unknown_numbers(form, curve))
-    ]
+    fixed = in_columns(len(s), form.problem.parameter_values, unknown_numbers(form, curve))
 
     def residual(multipliers: np.ndarray) -> np.ndarray:
         column = np.repeat(multipliers[:, None], len(s), axis=1)

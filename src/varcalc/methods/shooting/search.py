@@ -27,6 +27,7 @@ from varcalc.methods.shooting.regular_arc import RegularEnd, Work
 from varcalc.methods.shooting.segments import Mismatch, Segments
 from varcalc.methods.shooting.shot_extremal import value_of
 from varcalc.methods.shooting.shots import Failure
+from varcalc.symbolic.evaluation import in_columns
 
 MOST_GROWTH = math.exp(10.0)
 """Growth of errors across a segment beyond which it is cut in two."""
@@ -215,7 +216,7 @@ class Search:
         tower = [curve(middle), np.diff(values, axis=1) / width]
         tower += [np.zeros_like(tower[0])] * (2 * form.order - 2)
         numbers = [form.problem.parameter_values, form.start.unknowns, np.zeros(len(form.conditions.integrals))]
-        columns = [np.repeat(v[:, None], len(middle), axis=1) for v in numbers]
+        columns = in_columns(len(middle), *numbers)
         return float(np.asarray(self.equations.densities(middle[None, :], *tower, *columns))[1] @ width)
 
     def _attempt(self, start: ShootingStart, budget: int) -> Found | NoneFound:

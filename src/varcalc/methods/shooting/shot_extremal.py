@@ -16,6 +16,7 @@ from varcalc.methods.shooting.newton import size
 from varcalc.methods.shooting.segments import Mismatch, Segments
 from varcalc.methods.shooting.shots import Failure, Shots, Trajectories
 from varcalc.solution import ErrorEstimate
+from varcalc.symbolic.evaluation import in_columns
 
 SHRINKING = 0.5
 """Newton's steps shrink by less than this next to a zero (Kantorovich), and never next to a fold without one."""
@@ -59,7 +60,7 @@ class ShotCurve:
         if derivative < order:
             return tower[derivative]
         _, unknowns, lambdas, _ = self.segments.parts(self.x)
-        numbers = [np.repeat(v[:, None], len(s), axis=1) for v in (form.problem.parameter_values, unknowns, lambdas)]
+        numbers = in_columns(len(s), form.problem.parameter_values, unknowns, lambdas)
         return np.asarray(equations.highest(s[None, :], *tower, *numbers)).reshape(n, -1)
 
 
@@ -196,7 +197,7 @@ def _mismatch(segments: Segments, x: np.ndarray, at: Mismatch) -> float:
     s = a + width * segments.vertices
     s = np.clip(s, a + equations.inset, a + width - equations.inset)
     tower = equations.derivatives(states, segments.scales.ordinates[:, None])
-    numbers = [np.repeat(v[:, None], len(s), axis=1) for v in (form.problem.parameter_values, unknowns, lambdas)]
+    numbers = in_columns(len(s), form.problem.parameter_values, unknowns, lambdas)
     with np.errstate(all="ignore"):
         momenta = np.abs(np.asarray(equations.momenta(s[None, :], *tower, *numbers)))
     momenta = np.where(np.isfinite(momenta), momenta, 0.0)

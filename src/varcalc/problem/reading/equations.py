@@ -8,6 +8,7 @@ from functools import reduce
 from typing import Any
 
 from varcalc.problem.reading.sums import (
+    LARGEST_DENOMINATOR,
     SAME_NUMBER,
     ZERO,
     Atom,
@@ -22,7 +23,6 @@ from varcalc.problem.reading.sums import (
     times,
 )
 
-LARGEST_DENOMINATOR = 720
 MOST_TERMS = 150
 """An equation that expands to more terms than this is left as it is."""
 MOST_MULTIPLICATIONS = 50

@@ -11,11 +11,21 @@ import casadi as ca
 
 from varcalc.problem.functional import Functional
 from varcalc.problem.lagrangian import Lagrangian
-from varcalc.problem.reading.sums import ZERO, Atom, Sum, add, atom, expanded, multiply, number, power, symbol
-from varcalc.symbolic.instructions import NAMES, Call, interpret, operate
+from varcalc.problem.reading.sums import (
+    LARGEST_DENOMINATOR,
+    ZERO,
+    Atom,
+    Sum,
+    add,
+    atom,
+    expanded,
+    multiply,
+    number,
+    power,
+    symbol,
+)
+from varcalc.symbolic.instructions import NAMES, POWERS, Call, interpret, operate
 from varcalc.symbolic.tracing import Expression
-
-LARGEST_DENOMINATOR = 720
 
 Named = Sequence[tuple[Expression, Sequence[str]]]
 """Symbols with the names of their entries."""
@@ -58,7 +68,7 @@ class Reader:
         rule = self._rules().get(operation)
         if rule is not None:
             return rule(a, b)
-        if operation in (ca.OP_POW, ca.OP_CONSTPOW) and b.number is not None:
+        if operation in POWERS and b.number is not None:
             return self._raised(a, Fraction(b.number).limit_denominator(LARGEST_DENOMINATOR))
         if all(o.number is not None for o in operands):
             constants = [o.number or 0.0 for o in operands]

@@ -11,6 +11,8 @@ from fractions import Fraction
 
 SAME_NUMBER = 1e-12
 """Relative distance within which numbers are the same."""
+LARGEST_DENOMINATOR = 720
+"""Of fractions that numbers are read as."""
 
 Monomial = tuple[tuple["Atom", Fraction], ...]
 

@@ -9,9 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 from varcalc.axes import latex_name
-from varcalc.problem.reading.sums import SAME_NUMBER, Atom, Monomial, Sum, monomial, times
-
-LARGEST_DENOMINATOR = 720
+from varcalc.problem.reading.sums import LARGEST_DENOMINATOR, SAME_NUMBER, Atom, Monomial, Sum, monomial, times
 
 
 @dataclass(frozen=True)
