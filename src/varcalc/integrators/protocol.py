@@ -101,6 +101,16 @@ class Landing:
             np.zeros(m, dtype=int),
         )  # fmt: skip
 
+    def carry_on(self, rows: np.ndarray, part: Landing, last: np.ndarray | float = math.inf) -> None:
+        """Take over where a ``part`` led the runs ``rows``, which went on in it from where they were.
+
+        Its abscissae count from there; those of the ends asked for are ``last`` (m,).
+        """
+        self.states[rows], self.outcomes[rows], self.stopped_by[rows] = part.states, part.outcomes, part.stopped_by
+        done = part.outcomes == COMPLETED  # the sum of the parts is not told so well
+        ends = np.broadcast_to(last, len(self.reached))[rows]
+        self.reached[rows] = np.where(done, ends, self.reached[rows] + part.reached)
+
 
 class Flow(Protocol):
     """A compiled system with its stopping functions, ready to be integrated any number of times.

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.integrators.protocol import check_system
+from varcalc.numerics.roots import bracketed_newton
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.intervals import Interval, enclosures
 
@@ -21,8 +22,6 @@ NEAR_BY_BEND, ON_BY_BEND = 1.5, 1e-9
 that is so near at the first sets out there."""
 ZOOMS, ZOOM = 4, 16
 """How often, and by how much, the places about a dip close in on it."""
-ROUNDS = 60
-"""Newton's steps and bisections that bring any bracket to round-off."""
 LAST_CHANGE = 1e-7
 """Of a step: a zero of its interpolant that was known so far is known to all digits, as Newton's iteration goes."""
 POLISHES = 2
@@ -200,18 +199,13 @@ class Stops:
         high: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         """The zero of one function of each row between two places, by Newton's iteration kept inside the bracket."""
-        at, rows = (low + high) / 2, np.arange(len(low))
-        for _ in range(ROUNDS):
+        rows = np.arange(len(low))
+
+        def before(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             level, slope, _ = self(step(at), constants)
-            here, rate = level[rows, stops] * sign, slope[rows, stops] * sign * step.length
-            low, high = np.where(here > 0, at, low), np.where(here > 0, high, at)
-            newton = at - here / rate
-            better = np.where((newton >= low) & (newton <= high), newton, (low + high) / 2)
-            still = np.abs(better - at) > LAST_CHANGE
-            at = better
-            if not still.any():
-                break
-        return at
+            return level[rows, stops] * sign, slope[rows, stops] * sign * step.length
+
+        return bracketed_newton(before, low, high, (low + high) / 2, absolute=LAST_CHANGE)[0]
 
     def polished(
         self, states: np.ndarray, constants: np.ndarray, stopped_by: np.ndarray

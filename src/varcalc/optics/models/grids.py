@@ -14,7 +14,7 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.integrators import Flow, Landing
-from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
+from varcalc.integrators.protocol import NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression
 from varcalc.optics.models.equations import force, ray_rates
 from varcalc.optics.models.watch import UNWATCHED, Watch
@@ -104,10 +104,7 @@ class GridFlow:
                         ends.states[some], np.column_stack([constants[some], numbers[some]]),
                         until=np.maximum(last[some] - ends.reached[some], 0.0), leaving=(*leaving, *edges),
                     )  # fmt: skip
-                    ends.states[some], ends.outcomes[some] = landing.states, landing.outcomes
-                    ends.stopped_by[some] = landing.stopped_by
-                    done = landing.outcomes == COMPLETED  # the sum of the parts is not told so well
-                    ends.reached[some] = np.where(done, last[some], ends.reached[some] + landing.reached)
+                    ends.carry_on(some, landing, last)
                 alive, leaving = self._handed_on(ends, cells, standing, alive), ()
 
     def _told(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

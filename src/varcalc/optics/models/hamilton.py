@@ -142,9 +142,7 @@ class LayeredFlow:
                     known = np.column_stack([constants[rows], self.table.constants(layer[rows])])
                     height = () if number == NONE else (int(number),)
                     landing = self.flow.ensemble(ends.states[rows], known, leaving=(*leaving, *height))
-                    ends.states[rows], ends.outcomes[rows] = landing.states, landing.outcomes
-                    ends.stopped_by[rows] = landing.stopped_by
-                    ends.reached[rows] += landing.reached
+                    ends.carry_on(rows, landing)
                 alive, leaving = self._handed_on(ends, layer, start, alive), ()
                 ends.outcomes[alive] = TOO_MANY_STEPS
             if len(alive) == 0:

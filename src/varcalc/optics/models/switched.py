@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc import integrators
 from varcalc.integrators import Flow, Landing
-from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
+from varcalc.integrators.protocol import NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression, Field, Medium
 from varcalc.optics.models.equations import force, ray_rates
 from varcalc.optics.models.watch import UNWATCHED, Watch
@@ -273,10 +273,7 @@ class SwitchedFlow:
                 ends.states[some], np.concatenate([region.given(constants[rows]) for region, rows in parts]),
                 until=np.maximum(last[some] - ends.reached[some], 0.0), leaving=(*leaving, *on),
             )  # fmt: skip
-            ends.states[some], ends.outcomes[some] = landing.states, landing.outcomes
-            ends.stopped_by[some] = landing.stopped_by
-            done = landing.outcomes == COMPLETED  # the sum of the parts is not told so well
-            ends.reached[some] = np.where(done, last[some], ends.reached[some] + landing.reached)
+            ends.carry_on(some, landing, last)
 
     def _sides(self, states: np.ndarray) -> np.ndarray:
         """On which sides (m, switches) rays start: of the ends on which they stand, on that to which they go.
