@@ -19,7 +19,7 @@ Observable = Callable[[Any, Any], Any]
 def poisson(f: Observable, g: Observable) -> Observable:
     """The bracket {f, g} = f_q·g_p - f_p·g_q, as a function of the same kind.
 
-    Source: Goldstein, Poole and Safko, "Classical Mechanics", sect. 9.5.
+    Raises TypeError for what are no functions. Source: Goldstein, Poole and Safko, "Classical Mechanics", sect. 9.5.
 
     >>> import casadi as ca
     >>> spin = lambda k: lambda q, p: ca.cross(q, p)[k]

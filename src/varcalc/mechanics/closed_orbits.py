@@ -108,7 +108,11 @@ class ClosedOrbit(Plotted):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ClosedOrbits(Shown):
-    """Closed orbits of an ``action`` with a ``period`` and a ``symmetry``; see :meth:`System.periodic`."""
+    """Closed orbits of an ``action`` with a ``period`` and a ``symmetry``; see :meth:`System.periodic`.
+
+    Raises TypeError or ValueError for a period that is no positive number, nor the name of a parameter that is one, and
+    for a symmetry that the action does not have.
+    """
 
     action: Action
     carried: Callable[[np.ndarray, np.ndarray, float, np.ndarray | None], ClosedOrbit]
@@ -179,7 +183,7 @@ class ClosedOrbits(Shown):
         return z
 
     def orbit(self, solution: Solution) -> ClosedOrbit:
-        """The whole orbit that a ``solution`` of the problem is a part of."""
+        """The whole orbit that a ``solution`` of the problem is a part of; ValueError for one without a curve."""
         curve = solution.curve
         if curve is None:
             raise ValueError("the solution has no curve; solve the problem first")

@@ -46,7 +46,8 @@ def _check_event(name: str, given: Any) -> None:
 class Section(Brief):
     """Poincaré's section to draw: the first ``most`` passages through an ``event`` of motions from many states.
 
-    ``q0`` and ``v0`` are (m, n); coordinate number ``shown`` and its rate are drawn.
+    ``q0`` and ``v0`` are (m, n); coordinate number ``shown`` and its rate are drawn. Raises TypeError or ValueError
+    for arguments of another kind, and times that do not ascend.
     """
 
     event: Event
@@ -68,7 +69,11 @@ class Section(Brief):
 @spelled
 @dataclass(frozen=True, repr=False, eq=False)
 class Flights(Brief):
-    """A map to draw: the times to an ``event`` of motions from rest, over values of the first two coordinates."""
+    """A map to draw: the times to an ``event`` of motions from rest, over values of the first two coordinates.
+
+    ``first`` (k,) and ``second`` (l,) are these values, ``span`` the times between which it is waited for. Raises
+    TypeError or ValueError for arguments of another kind, and times that do not ascend.
+    """
 
     event: Event
     first: np.ndarray
@@ -206,6 +211,8 @@ class Experiment(Shown):
     ``exact`` gives the coordinates (n, m) at times (m,) in closed form, where there is one; ``checks`` are functions of
     the motion, by name, that are zero where it is right. ``beside`` is what a picture shows beside the motion, in the
     place of its phase portrait or orbit.
+
+    Raises TypeError or ValueError for arguments of another kind, numbers that are not n, and times that do not ascend.
     """
 
     system: System

@@ -19,7 +19,8 @@ def rotating(lagrangian: Callable[..., Any], angular_velocity: Sequence[float]) 
 
     ``lagrangian`` is that in a frame at rest, as a function of position (3,) and velocity that no turning changes but
     by the velocity; ``angular_velocity`` (3,) is Ω in radians for each unit of time. The Coriolis and centrifugal
-    forces follow (Landau and Lifshitz, "Mechanics", sect. 39).
+    forces follow (Landau and Lifshitz, "Mechanics", sect. 39). Raises TypeError or ValueError for what is no function,
+    and for what are not three numbers.
     """
     function("lagrangian", lagrangian)
     omega = ca.SX(triple("angular_velocity", angular_velocity))

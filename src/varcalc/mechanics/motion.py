@@ -30,7 +30,8 @@ CHECKED_TIMES = 257
 class Event(Brief):
     """Where ``function(t, q, v[, p])`` comes through zero; the motion ends there if it is ``terminal``.
 
-    ``direction`` 1 asks for rising zeros only, -1 for falling ones, 0 for both.
+    ``direction`` 1 asks for rising zeros only, -1 for falling ones, 0 for both. Raises TypeError or ValueError for
+    arguments of another kind.
     """
 
     function: Callable[..., Any]

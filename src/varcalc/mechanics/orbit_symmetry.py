@@ -31,7 +31,10 @@ MOST_ELEMENTS = 10_000
 @spelled
 @dataclass(frozen=True, repr=False, eq=False)
 class Repeats(Brief):
-    """The orbit is ``times`` times the same: q(t + T/times) = ``matrix`` q(t), with a matrix (n, n)."""
+    """The orbit is ``times`` times the same: q(t + T/times) = ``matrix`` q(t), with a matrix (n, n).
+
+    Raises TypeError or ValueError unless ``times`` is a whole number from 2 on and that power of the matrix is one.
+    """
 
     matrix: Any
     times: int
@@ -45,7 +48,10 @@ class Repeats(Brief):
 @spelled
 @dataclass(frozen=True, repr=False, eq=False)
 class Returns(Brief):
-    """The orbit goes back the way it came: q(-t) = ``matrix`` q(t), with a matrix (n, n) that is its own inverse."""
+    """The orbit goes back the way it came: q(-t) = ``matrix`` q(t), with a matrix (n, n) that is its own inverse.
+
+    Raises TypeError or ValueError for another matrix.
+    """
 
     matrix: Any
 

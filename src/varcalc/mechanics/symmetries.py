@@ -25,6 +25,7 @@ class Symmetry(Brief):
     """An infinitesimal change of coordinates ``xi(t, q[, p])`` (n numbers) and of time ``tau(t, q[, p])``.
 
     The Lagrangian may change by the rate of ``gauge(t, q[, p])``, as it does under a Galilean boost.
+    Raises TypeError or ValueError for what are no functions, and where neither coordinates nor time change.
     """
 
     xi: Callable[..., Any] | None = None

@@ -181,7 +181,10 @@ class System(Moving):
         return ReducedMotion(one, left[0], tuple(given))
 
     def between(self, q0: Sequence[float], q1: Sequence[float], duration: float) -> Problem:
-        """The action of motions from ``q0`` to ``q1`` (n,) in the time ``duration``: a problem to solve and verify."""
+        """The action of motions from ``q0`` to ``q1`` (n,) in the time ``duration``: a problem to solve and verify.
+
+        Raises TypeError or ValueError for what are not n numbers, and a duration that is not positive.
+        """
         first, last = finite_column("q0", q0, self.n), finite_column("q1", q1, self.n)
         if not finite("duration", duration) > 0:
             raise ValueError(f"duration must be positive, not {duration!r}")
@@ -292,7 +295,8 @@ class System(Moving):
         """The first ``most`` passages through an ``event`` of motions from many states ``q0`` and ``v0`` (m, n).
 
         Of many passages it is Poincaré's section; of the first one, the time that each motion takes to it. An event
-        counts as many times as it happens, whether or not it is ``terminal``.
+        counts as many times as it happens, whether or not it is ``terminal``. Raises TypeError or ValueError for
+        arguments of another kind or shape, and times that do not ascend.
         """
         most = whole("most", most)
         if not isinstance(event, Event):

@@ -29,7 +29,7 @@ class Parameter:
 
     It stands where a number does in :class:`Fixed`, :class:`Free` and :class:`At`,
     and takes the value given in ``parameters``, so that
-    ``problem.with_parameters`` moves the end with nothing built anew.
+    ``problem.with_parameters`` moves the end with nothing built anew. Raises TypeError for a name that is no text.
 
     >>> import casadi as ca
     >>> import varcalc as vc
@@ -296,6 +296,9 @@ class Fixed(Brief, AnyEnd):
     ``None`` where that component is free (natural condition). For a
     second-order Lagrangian ``dy`` fixes the slope as well; without it the
     slope is natural. Each number may be a :class:`Parameter`.
+
+    Raises TypeError or ValueError for what are no numbers, a ``y`` that gives no component, and a ``dy`` that has not
+    as many as ``y``.
     """
 
     fixed = True
@@ -354,7 +357,11 @@ class Free(Brief, AnyEnd):
 @spelled
 @dataclass(frozen=True, repr=False)
 class OnCurve(Brief, OfFunction, AnyEnd):
-    """An end that slides on ``phi(x, y) = 0``; ``x`` is a first guess of its abscissa."""
+    """An end that slides on ``phi(x, y) = 0``; ``x`` is a first guess of its abscissa.
+
+    ``n`` is the number of unknown functions (by default 1). Raises TypeError or ValueError for a ``phi`` that is no
+    function, and for what are no such numbers.
+    """
 
     slides = True
     written = "phi"
@@ -378,6 +385,9 @@ class Periodic(Brief, AnyEnd):
     Give the same object as start and end. For a closed :class:`varcalc.Curve`
     the abscissae are left out. ``n`` is the number of unknown functions
     (by default 1, and 2 for a closed Curve).
+
+    Raises TypeError or ValueError where one abscissa alone is given, where they do not ascend, and for what are no
+    such numbers.
     """
 
     periodic = True
@@ -399,7 +409,10 @@ class Periodic(Brief, AnyEnd):
 @spelled
 @dataclass(frozen=True, repr=False)
 class At(Brief, AnyEnd):
-    """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free)."""
+    """An end of a :class:`varcalc.Curve` at the point ``q`` (``None``: that component is free).
+
+    Raises TypeError or ValueError where ``q`` is no sequence of numbers, :class:`Parameter` and None.
+    """
 
     fixed = True
     of_space: ClassVar[bool | None] = True
@@ -424,7 +437,10 @@ class At(Brief, AnyEnd):
 @spelled
 @dataclass(frozen=True, repr=False)
 class OnSurface(Brief, OfFunction, AnyEnd):
-    """An end of a :class:`varcalc.Curve` that slides on ``phi(q) = 0``; ``guess`` is a point near it."""
+    """An end of a :class:`varcalc.Curve` that slides on ``phi(q) = 0``; ``guess`` is a point near it.
+
+    Raises TypeError or ValueError for a ``phi`` that is no function, and a ``guess`` that is no sequence of numbers.
+    """
 
     slides = True
     of_space: ClassVar[bool | None] = True
@@ -465,7 +481,11 @@ def _check_between(owner: str, lower: float | None, upper: float | None) -> None
 @spelled
 @dataclass(frozen=True, repr=False)
 class Isoperimetric(Brief, OfFunction):
-    """The integral of ``g`` (called as the Lagrangian is) equals ``value``, or lies between levels."""
+    """The integral of ``g`` (called as the Lagrangian is) equals ``value``, or lies between levels.
+
+    Raises TypeError or ValueError for a ``g`` that is no function, levels that are no numbers or leave no room between
+    them, and unless either a value or one level at least is given.
+    """
 
     written = "g"
 
@@ -516,7 +536,11 @@ class Holonomic(Brief, OfFunction):
 @spelled
 @dataclass(frozen=True, repr=False)
 class Bound(Brief, OfFunction):
-    """``lower <= h(x, y, dy[, p]) <= upper`` all along the curve: obstacles, bounds on the slope."""
+    """``lower <= h(x, y, dy[, p]) <= upper`` all along the curve: obstacles, bounds on the slope.
+
+    Raises TypeError or ValueError for an ``h`` that is no function, and levels that are no numbers or leave no room
+    between them.
+    """
 
     written = "h"
 
@@ -542,7 +566,10 @@ class Bound(Brief, OfFunction):
 @spelled
 @dataclass(frozen=True, repr=False)
 class Through(Brief):
-    """A waypoint: ``y(x)`` has the given value. The slope may jump there (at order 2 the curvature may)."""
+    """A waypoint: ``y(x)`` has the given value. The slope may jump there (at order 2 the curvature may).
+
+    Raises TypeError or ValueError for what are no numbers, and where a component is left out.
+    """
 
     x: float
     y: Any

@@ -111,6 +111,8 @@ class Reference(Shown):
     ``inapplicable`` maps a method class to the reason why that method does not
     apply. ``downward`` is True where y is counted downward, so
     that pictures show it so.
+
+    Raises TypeError or ValueError where one of these is of another kind, or ``name`` is empty.
     """
 
     name: str

@@ -52,7 +52,8 @@ class Inertia(Shown):
     """A mass with its ``centre`` (3,) and its inertia ``tensor`` (3, 3) about that centre.
 
     The units are any that agree: a tensor is in those of the mass times those of length squared. Bodies are put
-    together by ``+``; what is hollow is cut out by ``-``.
+    together by ``+``; what is hollow is cut out by ``-``. Raises TypeError or ValueError for a mass that is not
+    positive, and for what are no numbers of these shapes.
 
     Sources of the solids: Landau and Lifshitz, "Mechanics" (3rd ed., 1976), sect. 32, problem 2; Brizard, "An
     Introduction to Lagrangian Mechanics", sect. 7.1 and problems.
@@ -179,7 +180,8 @@ class Inertia(Shown):
     def tetrahedron(cls, mass: float, corners: Any) -> Inertia:
         """A uniform tetrahedron with these ``corners`` (4, 3); any polyhedron is a sum of some.
 
-        Its second moments are those of m/20 at each corner and 4 m/5 at the centre.
+        Its second moments are those of m/20 at each corner and 4 m/5 at the centre. Raises TypeError or ValueError for
+        a mass that is not positive, and for what are not four points.
         """
         (m,), r = _positive(mass=mass), reals("corners", corners)
         if r.shape != (4, 3) or not np.all(np.isfinite(r)):
@@ -219,7 +221,10 @@ class Inertia(Shown):
         return self.tensor + _spread(np.array([self.mass]), away[None])
 
     def moment(self, axis: Sequence[float] | np.ndarray, point: Sequence[float] | np.ndarray | None = None) -> float:
-        """The moment about an ``axis`` (3,), of any length, through a ``point``: the centre of mass unless given."""
+        """The moment about an ``axis`` (3,), of any length, through a ``point``: the centre of mass unless given.
+
+        Raises TypeError or ValueError for what are not three numbers, and for an axis of the length zero.
+        """
         n = triple("axis", axis)
         if not np.any(n):
             raise ValueError("axis must have a direction, not the length zero")

@@ -46,7 +46,7 @@ def quaternion_rate(q: Expression, omega: Expression) -> Expression:
 def rotation_matrix(quaternion: Any) -> np.ndarray:
     """The matrix (3, 3) + shape of quaternions (4,) + shape, which are brought to length 1.
 
-    Its columns are the body's axes in space.
+    Its columns are the body's axes in space. Raises TypeError or ValueError for what are no quaternions.
 
     >>> rotation_matrix([1.0, 0.0, 0.0, 1.0]).round(15)  # a quarter turn about z
     array([[ 0., -1.,  0.],
@@ -96,7 +96,7 @@ class EulerAngles(Brief):
 
     The body's frame is turned about z by φ, about the line of nodes x' by θ, about its own axis e3 by ψ (Goldstein,
     Poole and Safko, "Classical Mechanics", sect. 4.4; Landau and Lifshitz, "Mechanics", sect. 35; Brizard, "An
-    Introduction to Lagrangian Mechanics", sect. 7.3).
+    Introduction to Lagrangian Mechanics", sect. 7.3). Raises TypeError or ValueError for what are no real numbers.
 
     >>> again = EulerAngles.of(EulerAngles(0.3, 3.0, 0.5).quaternion)
     >>> print(f"{again.phi:.12g} {again.theta:.12g} {again.psi:.12g}")

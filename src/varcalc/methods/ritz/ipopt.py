@@ -57,7 +57,10 @@ GRADIENT_ROUND_OFF = float(np.finfo(float).eps)
 @spelled
 @dataclass(frozen=True)
 class Ipopt:
-    """IPOPT with exact Hessians. ``iterations`` bounds one solve, ``tol`` is its own scaled tolerance."""
+    """IPOPT with exact Hessians. ``iterations`` bounds one solve, ``tol`` is its own scaled tolerance.
+
+    Raises TypeError or ValueError where either is not a positive number, the first a whole one.
+    """
 
     iterations: int = 200
     tol: float = 1e-13

@@ -81,7 +81,10 @@ MANY_ITERATIONS, FEW_HALVINGS = 20, 6
 @spelled
 @dataclass(frozen=True)
 class Newton:
-    """The guarded Newton iteration. ``iterations`` bounds the steps of one solve."""
+    """The guarded Newton iteration. ``iterations`` bounds the steps of one solve.
+
+    Raises TypeError or ValueError where that is not a positive whole number.
+    """
 
     iterations: int = 100
 

@@ -55,6 +55,8 @@ class Shooting(Brief):
 
     It finds stationary curves, and of several it has come upon the one of the
     lowest value; that it is a minimum is not shown here.
+
+    Raises TypeError or ValueError for ``segments`` that are no positive whole number, and an ``engine`` that is none.
     """
 
     segments: int | None = None

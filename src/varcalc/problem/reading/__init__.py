@@ -114,6 +114,7 @@ def euler_lagrange_text(problem: Functional) -> str:
     where the equation makes sense. A condition stands in it with its multiplier,
     lambda (lambda_1, ... of several; mu where a variable has that name), that of
     ``solution.multipliers``; bounds do not: the equation holds where none of them is met.
+    Raises TypeError for what is no problem.
 
     >>> from varcalc import Fixed, Problem
     >>> film = Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), Fixed(-0.5, 1), Fixed(0.5, 1))
@@ -125,7 +126,9 @@ def euler_lagrange_text(problem: Functional) -> str:
 
 @spelled
 def euler_lagrange_latex(problem: Functional) -> str:
-    r"""The Euler-Lagrange equation as LaTeX, one line for each unknown function.
+    r"""The Euler-Lagrange equation as LaTeX, one line for each unknown function; see :func:`euler_lagrange_text`.
+
+    Raises TypeError for what is no problem.
 
     >>> from varcalc import Fixed, Problem
     >>> film = Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), Fixed(-0.5, 1), Fixed(0.5, 1))
@@ -146,6 +149,8 @@ def _all_equations(problem: Functional, style: Style) -> str:
 @spelled
 def first_integrals_text(problem: Functional) -> dict[str, str]:
     """The first integrals that follow from ignorable variables: name to expression that is constant on extremals.
+
+    Raises TypeError for what is no problem.
 
     >>> from varcalc import Fixed, Problem
     >>> line = Problem(lambda x, y, dy: dy**2 / 2 - ca.cos(y), Fixed(0, 0), Fixed(1, 1))
