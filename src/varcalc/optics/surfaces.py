@@ -104,7 +104,10 @@ class Plane(Brief, Surface):
 @spelled
 @dataclass(frozen=True, repr=False)
 class Sphere(Brief, Surface):
-    """The whole sphere (circle) of ``radius`` about ``center``."""
+    """The whole sphere (circle) of ``radius`` about ``center`` (d,).
+
+    Raises TypeError or ValueError for a center that is no point, and a radius that is not positive.
+    """
 
     center: Sequence[float]
     radius: float
@@ -219,6 +222,8 @@ class Conic(Brief, _OfRevolution):
 class Asphere(Brief, _OfRevolution):
     """A conic with even powers added: z = c ρ²/(1 + sqrt(1 - (1 + k) c² ρ²)) + a₄ ρ⁴ + a₆ ρ⁶ + ...
 
+    Raises TypeError or ValueError for what are no numbers of these shapes.
+
     Parameters
     ----------
     vertex, axis, radius, conic, mirror
@@ -254,6 +259,8 @@ class Asphere(Brief, _OfRevolution):
 @dataclass(frozen=True, repr=False)
 class Implicit(Brief, Surface):
     """The zeros of any smooth function.
+
+    Raises TypeError or ValueError where ``level_function`` is no function, and for parameters that are no numbers.
 
     Parameters
     ----------

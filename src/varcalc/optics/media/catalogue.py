@@ -18,13 +18,19 @@ EARTH = 6371e3
 
 @spelled
 def luneburg(radius: float = 1.0) -> Radial:
-    """n² = 2 - (r/R)²: a plane wave is focused on the rim (Luneburg, "Mathematical Theory of Optics", sect. 29)."""
+    """n² = 2 - (r/R)²: a plane wave is focused on the rim (Luneburg, "Mathematical Theory of Optics", sect. 29).
+
+    Raises TypeError or ValueError for a radius that is not positive.
+    """
     return Radial(lambda r, p: ca.sqrt(2 - (r / p.radius) ** 2), parameters={"radius": positive("radius", radius)})
 
 
 @spelled
 def fish_eye(index: float = 2.0, radius: float = 1.0) -> Radial:
-    """n = n0/(1 + (r/a)²): rays are circles, every point is imaged (Maxwell 1854; Born and Wolf, sect. 4.2.2)."""
+    """n = n0/(1 + (r/a)²): rays are circles, every point is imaged (Maxwell 1854; Born and Wolf, sect. 4.2.2).
+
+    Raises TypeError or ValueError for an index that is no number, and a radius that is not positive.
+    """
     return Radial(
         lambda r, p: p.index / (1 + (r / p.radius) ** 2),
         parameters={"index": index, "radius": positive("radius", radius)},
@@ -33,7 +39,10 @@ def fish_eye(index: float = 2.0, radius: float = 1.0) -> Radial:
 
 @spelled
 def eaton(radius: float = 1.0) -> Radial:
-    """n² = 2 R/r - 1: rays are sent back the way they came; singular at the centre (Eaton 1952)."""
+    """n² = 2 R/r - 1: rays are sent back the way they came; singular at the centre (Eaton 1952).
+
+    Raises TypeError or ValueError for a radius that is not positive.
+    """
     return Radial(lambda r, p: ca.sqrt(2 * p.radius / r - 1), parameters={"radius": positive("radius", radius)})
 
 
@@ -41,7 +50,7 @@ def eaton(radius: float = 1.0) -> Radial:
 def selfoc(index: float = 1.5, gradient: float = 1.0) -> Graded:
     """n² = n0² (1 - a² ρ²) about the last coordinate's axis: a fibre or rod (Marchand, "Gradient Index Optics", ch. 5).
 
-    ``gradient`` is a, one over a length.
+    ``gradient`` is a, one over a length. Raises TypeError or ValueError for what are no numbers.
     """
 
     def index_at(*arguments: Any) -> ca.SX:
@@ -58,7 +67,8 @@ def exponential_atmosphere(
 ) -> Stratified | Radial:
     """n = 1 + N exp(-h/H) over a plane, or about a sphere where ``earth_radius`` is given; lengths in metres.
 
-    h is the last coordinate, or the distance from the sphere's surface.
+    h is the last coordinate, or the distance from the sphere's surface. Raises TypeError or ValueError for what are no
+    numbers.
     """
 
     def index(height: ca.SX, p: Any) -> ca.SX:
@@ -75,7 +85,8 @@ def munk_profile(
 
     The last coordinate is the height, the surface at 0 and the depth below it.
     Munk, "Sound channel in an exponentially stratified ocean", J. Acoust. Soc. Am. 55 (1974) 220; the constants
-    are those of Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", sect. 5.6.
+    are those of Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", sect. 5.6. Raises TypeError or
+    ValueError for what are no numbers, and a ``reference`` that is not positive.
     """
     c0 = positive("reference", reference)
 
@@ -92,7 +103,8 @@ def standard_atmosphere(wavelength: float = 0.55, earth_radius: float | None = N
 
     Temperature 288.15 K - 6.5 K/km and pressure 101325 Pa (T/T0)^5.25588 (ICAO Doc 7488), refractivity by Edlen's
     formula as Birch and Downs have it (Metrologia 30 (1993) 155), in proportion to the density of an ideal gas.
-    ``wavelength`` is in micrometres, in vacuum, from 0.35 to 0.65.
+    ``wavelength`` is in micrometres, in vacuum, from 0.35 to 0.65. Raises TypeError or ValueError for what are no
+    numbers.
     """
 
     def index(height: ca.SX, p: Any) -> ca.SX:

@@ -243,6 +243,8 @@ class Radial(Brief, _Parametric):
 class Graded(Brief, _Parametric):
     """Any index.
 
+    Raises TypeError or ValueError where ``n`` is no function, and for parameters that are no numbers.
+
     Parameters
     ----------
     n : callable

@@ -78,6 +78,8 @@ class PlaneWave(Brief, Source):
     Rays are named by their offsets from ``point`` in that plane (a straight line, in the plane): an array (m,) in the
     plane, to the left of ``direction``; (m, 2) in space, along two axes at right angles to it.
 
+    Raises TypeError or ValueError for what are no point and direction of as many coordinates.
+
     Parameters
     ----------
     point, direction : sequence of float
