@@ -94,12 +94,6 @@ class AlongX:
 
     __radd__ = __add__
 
-    def __sub__(self, other: Coefficient) -> Coefficient:
-        return AlongX(ca.OP_SUB, (self, other))
-
-    def __rsub__(self, other: float) -> Coefficient:
-        return AlongX(ca.OP_SUB, (other, self))
-
     def __mul__(self, other: Coefficient) -> Coefficient:
         if other is self:
             return AlongX(ca.OP_SQ, (self,))
