@@ -49,12 +49,13 @@ class VectorisedStep:
 
     def expects(self, columns: int) -> None:
         """Compile the function, or do it better, if so many columns more than those before are worth it."""
+        if self._compilations == len(WORTH) or self._seen + columns <= WORTH[self._compilations][0]:
+            return
         worth = [level for least, level in WORTH if self._seen + columns > least]
-        if len(worth) > self._compilations:
-            with _ONE_AT_A_TIME:
-                if len(worth) > self._compilations:
-                    self._compiled = _compiled(self.function, worth[-1])
-                    self._compilations = len(worth)
+        with _ONE_AT_A_TIME:
+            if len(worth) > self._compilations:
+                self._compiled = _compiled(self.function, worth[-1])
+                self._compilations = len(worth)
 
     def __call__(self, columns: np.ndarray, results: np.ndarray) -> None:
         """The function of each of the ``columns`` (n, m), written into ``results`` (k, m); both contiguous."""

@@ -232,7 +232,7 @@ def _clusters(middle: np.ndarray, width: np.ndarray) -> list[np.ndarray]:
         label = _together(middle[alike], width[alike])
         for k in range(label.max() + 1):
             of = alike[label == k]
-            away = np.abs(middle[left][:, None] - middle[of][None, : COMPACT**2]).max(axis=2).min(axis=1)
+            away, _ = cKDTree(middle[of[: COMPACT**2]]).query(middle[left], p=np.inf)
             found.append(of)
             left = left[away > GRADED * width[left]]
         left = np.setdiff1d(left, alike)
