@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.numerics.roots import EPSILON
 from varcalc.optics.arrivals.fan import Fan, FanReach
 from varcalc.optics.arrivals.narrow import NarrowSearch
 from varcalc.optics.arrivals.sections import PlaneSection
@@ -36,7 +37,6 @@ from varcalc.progress import Interrupted, Progress, Stage, telling
 
 FLAT_SPREADING = 1e-9
 """A spreading so small beside that of a uniform medium is that of a conjugate point."""
-EPS = float(np.finfo(float).eps)
 PAIRS_TOGETHER = 4096
 """Pairs of points searched for together."""
 BESIDE_LINE = 1e-6
@@ -189,7 +189,7 @@ class TwoPoint:
             count = np.where(count < 0, self.full.conjugate_points(passages, path, flat), count)
         with np.errstate(divide="ignore"):
             squared = np.where(flat, 0.0, np.sum(away**2, axis=1) * index**2 / spread)  # the path is stationary
-        error = np.abs(along) + squared + 16 * EPS * path
+        error = np.abs(along) + squared + 16 * EPSILON * path
         miss = np.linalg.norm(away, axis=1) / np.linalg.norm(ends.targets - ends.sources, axis=1)
         name, rays = self.full.name, []
         for k in range(len(beam)):

@@ -17,8 +17,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from varcalc.optics.arrivals.directions import STEP, headings
+from varcalc.optics.arrivals.newton import ANGLE_ROUND_OFF, KNOWN
 from varcalc.optics.arrivals.space_cells import COLUMNS, MOVED, PATH, P, R, SpaceCells, screen_misses
 from varcalc.optics.arrivals.space_fan import LEAST_WIDTH, SpaceFan
+from varcalc.optics.models.launches import SAME_CONTINUUM
 from varcalc.optics.rays.beam import Rows
 from varcalc.progress import Stage
 
@@ -40,18 +42,12 @@ MEETS = 4e-13
 """A ray that comes this close to the point, relative to the scene, meets it."""
 MISS_ROUND_OFF = 1e-15
 """A miss so small, relative to the scene, is not worth another step."""
-ANGLE_ROUND_OFF = 4 * float(np.spacing(2 * np.pi))
-"""Launching angles are known no better."""
-KNOWN = 1e-8
-"""Of the scene: where round-off of the angle makes more, as of rays that graze a surface, nobody says where they go."""
 STEP_BACK = 0.75
 """Of a step to where no ray comes: how much of it is gone back."""
 STRAYED = 3.0
 """Widths of a cell: a ray that goes farther from where it began belongs to another."""
 SAME_RAY = 1e-8
 """Directions and optical paths, relative, closer than this are one ray."""
-SAME_CONTINUUM = 1e-6
-"""Optical paths of the rays of one continuum agree so well, relative to their size."""
 SINGULAR = 1e-6
 """Where the derivative of the misses shrinks to so little of what it is elsewhere, neighbours meet the point too."""
 

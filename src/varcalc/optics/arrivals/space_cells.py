@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from varcalc.optics.arrivals.cells import SLOPE_SHARE
 from varcalc.optics.arrivals.directions import STEP
 from varcalc.optics.rays.beam import Rows, frames
 
@@ -22,8 +23,6 @@ MOVED, TURNED = (slice(7, 10), slice(13, 16)), (slice(10, 13), slice(16, 19))
 two coordinates of the direction; and last which jumps of the index the ray has come through."""
 COLUMNS = 20
 """Their number."""
-SLOPE_SHARE = 0.15
-"""Of a length: how far off is a cubic that is right at an end and in the middle, and has a slope that is off there."""
 NEARLY_PARALLEL = 0.5
 """Rays of one cell must not differ by a larger angle from their mean direction."""
 HALVES = np.array([[1.0, 0.0, 0.0, 0.0], [0.125, 0.375, 0.375, 0.125], [0.0, 0.0, 0.0, 1.0]])

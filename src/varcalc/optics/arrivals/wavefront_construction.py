@@ -16,6 +16,7 @@ from varcalc.optics.arrivals.cells import PATH, Cells, P, R
 from varcalc.optics.arrivals.fan import FIRST_ANGLES, LEAST_ANGLE, Fan
 from varcalc.optics.arrivals.misses import Misses, Seeds, misses, seeds
 from varcalc.optics.arrivals.newton import MEETS, TOUCHES_CAUSTIC, Aims, ClosestApproach, as_they_are, flattest, met
+from varcalc.optics.models.launches import SAME_CONTINUUM
 from varcalc.optics.rays.beam import Rows
 from varcalc.progress import Stage
 
@@ -31,8 +32,6 @@ NEARLY_MEETS = 1e-3
 """Rays that miss the point by less, relative to the scene, nearly meet it."""
 CONTINUUM_SHARE = 0.25
 """Of all directions: where so many meet a point, infinitely many do."""
-SAME_CONTINUUM = 1e-6
-"""Optical paths of the rays of one continuum agree so well, relative to their size."""
 MEETS_UNAIMED = 1e-11
 """Of the scene: a ray that was aimed nowhere and comes so close to a point, to which a continuum leads, is of one."""
 TOLD_APART = 4 * LEAST_ANGLE

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import casadi as ca
 import numpy as np
 
+from varcalc.numerics.roots import EPSILON
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.models.aimed import CARRIED_WELL, Aimed, Carry, Tell, Told
 from varcalc.optics.models.linear import LinearRays, motions
@@ -21,14 +22,13 @@ from varcalc.optics.models.quadratic_zeros import (
 from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
 from varcalc.symbolic.evaluation import PointEvaluator
 
-EPS = float(np.finfo(float).eps)
-SAME_CURVATURE = 16 * EPS
+SAME_CURVATURE = 16 * EPSILON
 """Of the largest: principal curvatures that differ by less are the same, or none."""
-NO_COORDINATE = 8 * EPS
+NO_COORDINATE = 8 * EPSILON
 """Of the distance of two points and of where they are: what is less is zero."""
 TOGETHER = 128
 """Pairs searched together; bounds the memory."""
-SUMMED_ROUND_OFF = 64 * EPS
+SUMMED_ROUND_OFF = 64 * EPSILON
 """Of what is summed in an optical path."""
 
 
@@ -169,7 +169,7 @@ class QuadraticIndex:
         continuum = np.bincount(zeros.question[both][many[both]], minlength=len(within)) > 0
         with np.errstate(over="ignore"):  # rays that grow apart are only where directions tell them if they are carried
             grows = np.sqrt(max(float(self.curvature.max()), 0.0))
-            apart = EPS * np.exp(grows * search.sigma(zeros)[both])
+            apart = EPSILON * np.exp(grows * search.sigma(zeros)[both])
         return told, ~focus[both] & ~touching & (apart <= CARRIED_WELL), touching, continuum
 
 

@@ -19,10 +19,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from varcalc.numerics.roots import bracketed_newton
+from varcalc.numerics.roots import EPSILON, bracketed_newton
 from varcalc.optics.rays.beam import Rows
 
-EPS = float(np.finfo(float).eps)
 TOUCHES_ZERO = 4e-13
 """Of n²: an extremum of G so close to zero is one ray, which touches a caustic."""
 MOST_SPANS = 4000
@@ -300,7 +299,7 @@ class ZeroSearch:
 
         if len(spans) == 0:
             return np.zeros(0)
-        return bracketed_newton(signed, spans.low, spans.high, (spans.low + spans.high) / 2, relative=2 * EPS)[0]
+        return bracketed_newton(signed, spans.low, spans.high, (spans.low + spans.high) / 2, relative=2 * EPSILON)[0]
 
     def _crossed(self, spans: Spans) -> Zeros:
         """The zeros of G in ``spans`` in which it is monotone."""
@@ -326,7 +325,7 @@ class ZeroSearch:
         with np.errstate(all="ignore"):
             number = self.marks[origin][:, None] * self._turning / np.pi
         whole = np.round(number)
-        return (self._turning > 0) & (np.abs(number - whole) <= 4 * EPS * whole), whole % 2 == 1
+        return (self._turning > 0) & (np.abs(number - whole) <= 4 * EPSILON * whole), whole % 2 == 1
 
     def conjugate_points(self, zeros: Zeros) -> np.ndarray:
         """How many conjugate points (k,) the rays pass: those of a fixed σ, and one more where G grows."""
@@ -344,7 +343,7 @@ def half_angle(rate: float, marks: np.ndarray, origin: np.ndarray, offset: np.nd
     number = np.round(angle / (np.pi / 2))
     rest = angle - number * (np.pi / 2)
     beside = rate * offset / 2
-    rest = np.where(np.abs(rest) <= 8 * EPS * (1 + angle), beside, rest + beside)  # which keeps the sign of -0
+    rest = np.where(np.abs(rest) <= 8 * EPSILON * (1 + angle), beside, rest + beside)  # which keeps the sign of -0
     sine, cosine = np.sin(rest), np.cos(rest)
     odd = number % 2 == 1
     return np.where(odd, cosine, sine), np.where(odd, -sine, cosine)
