@@ -2,6 +2,8 @@
 
 import json
 import math
+import subprocess
+import sys
 
 import pytest
 from click.testing import CliRunner
@@ -33,6 +35,13 @@ def write(tmp_path):
         return path
 
     return write_file
+
+
+def test_python_finds_the_command_where_the_shell_does_not():
+    command = [sys.executable, "-m", "varcalc", "run", "nowhere"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "Usage: python -m varcalc run" in done.stderr
 
 
 def test_help_names_every_command(call):

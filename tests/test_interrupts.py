@@ -1,6 +1,8 @@
 """Ctrl-C is heard whatever CasADi is about: what is raised while it runs is lost."""
 
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -113,3 +115,19 @@ def test_other_threads_have_none():
     thread.start()
     thread.join()
     assert found == [signal.default_int_handler]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT to send to another process")
+def test_the_command_hears_it_while_the_package_is_imported(tmp_path):
+    package = tmp_path / "varcalc"
+    package.mkdir()
+    (package / "__init__.py").write_text(f"import time\nprint('begun', flush=True)\ntime.sleep({A_WHILE})\n")
+    # a process that a shell has put into the background ignores the key, and so do those that it starts
+    as_usual = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    code = f"{as_usual}\nfrom varcalc_command import main\nmain()"
+    command, pipe = [sys.executable, "-c", code], subprocess.PIPE
+    with subprocess.Popen(command, cwd=tmp_path, stdout=pipe, stderr=pipe, text=True) as process:
+        assert process.stdout.readline() == "begun\n"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=A_WHILE)
+    assert (process.returncode, said) == (130, "stopped before anything had begun\n")

@@ -9,10 +9,9 @@ import click
 
 from varcalc.progress import Interrupted, heard
 from varcalc.spelling import near
+from varcalc_command import EXIT_AFTER_INTERRUPT
 
 T = TypeVar("T")
-EXIT_AFTER_INTERRUPT = 130
-"""Exit status after Ctrl-C, as shells have it: 128 and the number of the signal."""
 
 
 class Commands(click.Group):

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from varcalc_command import EXIT_AFTER_INTERRUPT
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from varcalc.report.rendering import Entry
     from varcalc.report.subjects import Subject
-
-INTERRUPTED = 130
-"""Exit status after the interrupt key."""
 
 
 @click.command()
@@ -58,7 +57,7 @@ def report(names: tuple[str, ...], everything: bool, output: Path, cores: int | 
     made = sum(entry.answer != FAILED for entry in entries)
     click.echo(f"{made} of {len(subjects)} pages: {index}")
     if interrupted:
-        raise SystemExit(INTERRUPTED)
+        raise SystemExit(EXIT_AFTER_INTERRUPT)
     if bad:
         raise SystemExit(1)
 
