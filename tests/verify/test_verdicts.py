@@ -174,6 +174,23 @@ def test_an_obstacle_is_judged_by_the_variations_it_leaves():
     assert "touches a bound" in sentences(check)
 
 
+@pytest.mark.parametrize("ends", [(0, 1), (1, 0)])
+def test_a_bound_that_the_curve_begins_or_ends_on_leaves_the_slope_free(ends):
+    start, end = ends
+    above = vc.Bound(lambda x, y, dy: y, lower=0)
+    string = vc.Problem(lambda x, y, dy: dy**2 + y**2, vc.Fixed(0, start), vc.Fixed(2, end), [above])
+    check = vc.verify(vc.solve(string))
+    assert check.legendre == 2  # L_y'y'
+    assert "Legendre's condition holds" in sentences(check)
+
+
+def test_where_bounds_leave_no_slope_free_none_is_told():
+    along = [vc.Bound(lambda x, y, dy: y, lower=0)]
+    check = vc.verify(vc.solve(vc.Problem(lambda x, y, dy: dy**2 + y, vc.Fixed(0, 0), vc.Fixed(1, 0), along)))
+    assert check.legendre_in_words() == "not tested"
+    assert "nan" not in str(check)
+
+
 def test_a_bound_that_is_not_touched_changes_nothing():
     bounded = vc.Problem(swing, vc.Fixed(0, 0), vc.Fixed(2, 1), [vc.Bound(lambda x, y, dy: y, upper=5)])
     check = vc.verify(vc.solve(bounded))

@@ -91,11 +91,9 @@ def routes_section(comparison: Comparison, level: int) -> PageSection:
 
 def checks_table(check: Verification) -> Table:
     """Each classical condition with its number."""
-    least = "greatest" if check.maximise else "least"
-    sign = -1.0 if check.maximise else 1.0
     rows = [
         ("Euler-Lagrange", f"residual {check.residual:.1e} of the terms"),
-        ("Legendre", f"{least} second derivative in the slope {sign * check.legendre:.6g}"),
+        ("Legendre", check.legendre_in_words()),
         ("Weierstrass", _weierstrass(check)),
         ("Jacobi", check.points_in_words(9)),
         ("Index", _index(check)),

@@ -243,13 +243,13 @@ def touches(extremal: Extremal) -> bool:
     return bool(at_limit(np.asarray(function(*sample(extremal, s))).T, bounds, TOUCHED_AT).any())
 
 
-def touched(along: AlongCurve, s: np.ndarray) -> np.ndarray:
-    """Whether an inequality is active at s (m,)."""
+def touched(along: AlongCurve, s: np.ndarray, near: float = NEARLY_TOUCHED) -> np.ndarray:
+    """Whether an inequality is active at s (m,), within ``near``, relative."""
     limits = [(k, c) for k, c in enumerate(along.limits) if not c.equality]
     if not along.paths or not limits:
         return np.zeros(len(s), dtype=bool)
     values = along.function(ca.vertcat(*(along.paths[k] for k, _ in limits)))(s)[0][:, :, 0]
-    return np.any(at_limit(values, [c for _, c in limits], NEARLY_TOUCHED), axis=1)
+    return np.any(at_limit(values, [c for _, c in limits], near), axis=1)
 
 
 def without_inequalities(extremal: Extremal) -> Extremal:

@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc.problem.problem import Curve
 from varcalc.solution import Finding, Verdict
-from varcalc.verify.along_curve import AlongCurve, complement, inner_points, touched
+from varcalc.verify.along_curve import TOUCHED_AT, AlongCurve, complement, inner_points, touched
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
 
@@ -66,7 +66,7 @@ class LegendreCondition(Check[Legendre]):
         numbers = {"least": least, "at": at}
         name = "L_y''y''" if problem.order == 2 else "L_y'y'"
         if math.isnan(least):
-            yield Finding(None, "Legendre's condition has nothing to say: the slope is free nowhere")
+            yield Finding(None, "Legendre's condition has nothing to say: bounds leave the slope free nowhere")
         elif measured.vanishes:
             yield Finding(Verdict.SINGULAR, f"{name} vanishes along the curve: nothing in L fixes a curve", numbers)
         elif not measured.holds:
@@ -114,7 +114,15 @@ def legendre(along: AlongCurve) -> Legendre:
 def _held(along: AlongCurve, s: np.ndarray) -> np.ndarray:
     """Points of the elements where a bound is touched: there the slope is not free, or its corner is smeared."""
     element = np.clip(np.searchsorted(along.vertices, s, side="right") - 1, 0, len(along.vertices) - 2)
-    return np.isin(element, element[touched(along, s)])
+    near, on = touched(along, s), touched(along, s, TOUCHED_AT) & (s != along.span[0]) & (s != along.span[1])
+    leaving = _leaving(near, on) | _leaving(near[::-1], on[::-1])[::-1]
+    return np.isin(element, element[near & ~leaving])
+
+
+def _leaving(near: np.ndarray, on: np.ndarray) -> np.ndarray:
+    """Which of the first points are near a bound only because the curve begins on it, and leaves it at once."""
+    first = np.logical_and.accumulate(near)
+    return first & ~(first & on).any()
 
 
 def crossing(along: AlongCurve, s: np.ndarray) -> np.ndarray:

@@ -121,9 +121,7 @@ class Verification(Shown):
 
     def _rows(self) -> Iterator[tuple[str, str]]:
         yield "Euler-Lagrange", f"residual {self.residual:.1e} of the terms"
-        least = "greatest" if self.maximise else "least"
-        sign = -1.0 if self.maximise else 1.0
-        yield "Legendre", f"{least} second derivative in the slope {sign * self.legendre:.6g}"
+        yield "Legendre", self.legendre_in_words()
         if math.isnan(self.weierstrass):
             yield "Weierstrass", "not tested"
         else:
@@ -133,6 +131,13 @@ class Verification(Shown):
         for name, drift in self.invariants.items():
             yield name, f"constant to {drift:.1e}"
         yield "functional", f"{self.bound:.15g} on this curve"
+
+    def legendre_in_words(self) -> str:
+        """What Legendre's condition found."""
+        if math.isnan(self.legendre):
+            return "not tested"
+        least, sign = ("greatest", -1.0) if self.maximise else ("least", 1.0)
+        return f"{least} second derivative in the slope {sign * self.legendre:.6g}"
 
     def points_in_words(self, digits: int) -> str:
         """What Jacobi's condition found, the conjugate points with so many digits."""
