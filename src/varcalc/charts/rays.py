@@ -31,6 +31,8 @@ CROSSINGS = ("#0072b2", "#56b4e9", "#009e73", "#e69f00")
 SIZE = 8.0
 LEGEND_COLUMNS = 3
 """So that a picture in a page, which is narrower, holds its legend."""
+FEW_RAYS = 12
+"""To a receiver, that leave room for broad lines."""
 MOST_RAYS = 61
 """Of a bundle that are drawn."""
 
@@ -128,8 +130,9 @@ def _picture(view: View) -> Figure:
         _draw_front(panel, front)
     if view.foci is not None:
         panel.plot(*view.foci[:, [0, -1]].T, "o", color=CAUSTIC, markersize=3, zorder=8)
+    broad = 2.2 if len(view.arriving) <= FEW_RAYS else 1.0
     for track in view.arriving:
-        panel.plot(*track.points[:, [0, -1]].T, color=ARRIVAL, linewidth=2.2, zorder=7)
+        panel.plot(*track.points[:, [0, -1]].T, color=ARRIVAL, linewidth=broad, zorder=7)
     _mark_ends(panel, view)
     panel.set_xlim(behind.across[0], behind.across[-1])
     panel.set_ylim(behind.up[0], behind.up[-1])

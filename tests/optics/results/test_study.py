@@ -31,6 +31,15 @@ def test_tracks_are_the_rays(seen):
         assert y == pytest.approx(x * np.tan(angle) - x**2 / (2 * np.cos(angle) ** 2), abs=1e-12)
 
 
+def test_rays_that_go_to_and_fro_are_drawn_round():
+    # n^2 = 2 - y^2: from (0, 1/2) along the axis y = cos(x / p) / 2, p^2 = 7/4
+    rod = optics.Scene(optics.Graded(lambda x, y: ca.sqrt(2 - y**2)))
+    seen = optics.Study(rod, optics.PointSource((0, 0.5)), [(1.0, 0.0)], 300.0).run()
+    x, y = seen.tracks[0].points.T
+    between, drawn = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
+    assert abs(drawn - np.cos(between / np.sqrt(7 / 4)) / 2).max() < 1e-3
+
+
 def test_the_caustic_is_the_parabola_of_safety(seen):
     assert len(seen.caustic)
     x, y = seen.caustic.points.T

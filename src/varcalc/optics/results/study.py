@@ -29,8 +29,14 @@ from varcalc.showing import Plotted, Shown, counted
 from varcalc.spelling import spelled
 from varcalc.tables import shown, table
 
-TRACK_POINTS = 240
-"""Points along a ray, evenly spaced in optical path."""
+TRACK_POINTS = 241
+"""Points along a ray, evenly spaced in optical path, where they show how it bends."""
+MOST_TRACK_POINTS = 7681
+"""The same where it goes to and fro many times."""
+OFF_CHORD = 4e-3
+"""Of a ray's extent: how far a point may lie off the chord of its neighbours; what is drawn is off by a quarter."""
+THINNEST = 1e-3
+"""Of the longer side: what a picture shows at least of the other."""
 BACKGROUND_POINTS = 160
 """Points of each side of the picture at which index and surfaces are looked at."""
 MARGIN = 0.06
@@ -261,7 +267,7 @@ def background(media: Sequence[Medium], surfaces: Sequence[Surface], drawn: np.n
     """Index and surfaces about points (m, d) of rays, in the plane of the first and the last coordinate."""
     d = drawn.shape[1]
     low, high = drawn.min(0)[[0, -1]], drawn.max(0)[[0, -1]]
-    extent = np.maximum(high - low, 1e-3 * float((high - low).max()) or 1.0)
+    extent = np.maximum(high - low, THINNEST * float((high - low).max()) or 1.0)
     room = MARGIN * np.where(extent.min() < FLAT_SIDES * extent.max(), extent, extent.max())
     across, up = (np.linspace(a, b, BACKGROUND_POINTS) for a, b in zip(low - room, high + room, strict=True))
     plane = np.zeros((len(up), len(across), d))
@@ -276,8 +282,14 @@ def background(media: Sequence[Medium], surfaces: Sequence[Surface], drawn: np.n
 
 
 def _track(at: Any, path: float, status: RayStatus) -> Track:
-    """The points of a ray at equal steps of its optical path."""
-    return Track(at(np.linspace(0.0, path, TRACK_POINTS)), status)
+    """The points of a ray at equal steps of its optical path, so close that its bends look round."""
+    count = TRACK_POINTS
+    while True:
+        points = at(np.linspace(0.0, path, count))
+        off, extent = np.abs(points[1:-1:2] - (points[:-2:2] + points[2::2]) / 2), np.ptp(points, axis=0)
+        if count >= MOST_TRACK_POINTS or not (off > OFF_CHORD * np.maximum(extent, THINNEST * extent.max())).any():
+            return Track(points, status)
+        count = 2 * count - 1
 
 
 def _denser(rays: Any) -> Any:
