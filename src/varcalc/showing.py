@@ -133,6 +133,8 @@ def brief(value: Any) -> str:
 
     >>> brief(0.1), brief(np.zeros((3, 100))), brief([1, None]), brief(len), brief("a")
     ('0.1', 'array(3, 100)', '[1, None]', 'len', "'a'")
+    >>> brief(np.array([1, 2]) / 3), brief(np.arange(1, 5) / 7)
+    ('[0.3333333333333333, 0.6666666666666666]', '[0.142857, 0.285714, 0.428571, 0.571429]')
     """
     if not hasattr(value, "__name__") and (isinstance(value, Brief) or is_dataclass(value)):
         short = repr(value) if isinstance(value, Brief) else _record(value)
@@ -152,7 +154,11 @@ def _number(value: np.generic) -> str:
 
 @brief.register
 def _array(value: np.ndarray) -> str:
-    return brief(value.tolist()) if value.ndim < 2 and value.size <= MOST_ENTRIES else f"array{value.shape}"
+    if value.ndim > 1 or value.size > MOST_ENTRIES:
+        return f"array{value.shape}"
+    whole = brief(value.tolist())
+    # a few numbers are seen, if not to all their digits
+    return f"[{', '.join(f'{v:.6g}' for v in value)}]" if value.dtype.kind == "f" and "entries" in whole else whole
 
 
 @brief.register

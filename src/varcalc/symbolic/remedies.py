@@ -19,8 +19,8 @@ BROKEN = (
 """What a person's function raises when it is called with symbols (CasADi raises RuntimeError)."""
 
 LOOPED = (
-    "unpacks or loops over a column of symbols, which CasADi does not allow: take its components by index, y[0], "
-    "y[1], or use ca.sumsqr and ca.dot"
+    "unpacks or loops over a column of symbols, which CasADi does not allow: take its components by index, [0] and "
+    "[1], or use ca.sumsqr and ca.dot"
 )
 
 MOST_TOLD = 200
@@ -113,8 +113,8 @@ def _first_line(text: str) -> str:
 
 def _out_of_range(name: str, columns: Sequence[int]) -> str:
     count = max(columns, default=1)
-    functions = "one unknown function, y[0]" if count == 1 else f"{count} unknown functions, y[0] to y[{count - 1}]"
+    components = "one component, [0]" if count == 1 else f"{count} components, [0] to [{count - 1}]"
     return (
-        f"{name} asks for a component that is not there: the ends make {functions} (and so for the slopes); "
-        "give the ends as many components as the formula needs"
+        f"{name} asks for a component that is not there: it is called with columns of {components}; give the ends "
+        "as many components, or the system as many coordinates, as the formula needs"
     )
