@@ -301,6 +301,24 @@ def test_sweep_stores_and_goes_on(call, tmp_path):
     )
 
 
+A_SCENE = """from varcalc import optics
+scene = optics.Scene(optics.Uniform(1.0))
+study = optics.Study(scene, optics.PointSource((0, 0)), [(1, 0)], 1.0)
+"""
+A_SYSTEM = """from varcalc import mechanics
+free = mechanics.System(lambda t, q, v: v[0]**2, ('x',))
+experiment = mechanics.Experiment(free, [0], [1], (0, 1))
+"""
+
+
+@pytest.mark.parametrize(("command", "text"), [("trace", A_SCENE), ("move", A_SYSTEM)])
+def test_the_docstring_of_a_file_is_the_title_of_what_has_none(call, write, command, text):
+    done = call(command, write(f'"""A path of one\'s own.\n\nAnd more."""\n{text}'))
+    assert done.stdout.startswith("A path of one's own\n")
+    titled = text.removesuffix(")\n") + ", title='mine')\n"
+    assert call(command, write(f'"""A path."""\n{titled}')).stdout.startswith("mine\n")
+
+
 def test_a_sweep_with_failures_fails(call, write):
     spring = write(
         "import varcalc as vc\nproblem = vc.Problem(lambda x, y, dy, p: dy**2 + p.k * y**2, vc.Fixed(0, 0), "
@@ -325,6 +343,7 @@ def test_a_sweep_with_failures_fails(call, write):
         (["sweep", "brachistochrone", "g=1:20:0"], "'g=1:20:0' has no values"),
         (["sweep", "brachistochrone", "g=1:20:-3"], "'g=1:20:-3' has no values"),
         (["sweep", "brachistochrone", "k=1:2:3"], "are no parameters of this problem"),
+        (["sweep", "soap_film", "h=1:2:3"], "it has none; declare them: parameters={'h': ...}"),
     ],
 )
 def test_wrong_usage_of_chart_and_sweep_says_why(call, arguments, message):

@@ -262,7 +262,10 @@ WRITTEN_WRONGLY = [
     (lambda: system(lambda t, q, v: v[0] ** 2 if q[0] > 0 else 0), "ca.if_else"),
     (lambda: system(constraints=vc.Holonomic(lambda t, q: q[0])), r"write constraints=\[...\]"),
     (lambda: system(forces=lambda t, q, v: None), "forces must return a list of expressions or numbers, not None"),
-    (lambda: system(forces=lambda t, q, v: [q[3]]), "asks for a component that is not there: .* or the system as many coordinates"),
+    (
+        lambda: system(forces=lambda t, q, v: [q[3]]),
+        "component that is not there: .* or the system as many coordinates",
+    ),
     (lambda: system().motion([1], [0], 10), r"write \(0, 10\)"),
     (lambda: system().motion([1], [0], (0, 1, 2)), "span must be two ascending times"),
     (lambda: system().motion(["a"], [0], (0, 1)), "q0 must be made of numbers"),

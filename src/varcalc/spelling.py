@@ -55,7 +55,7 @@ def listed(names: Sequence[str]) -> str:
 
 
 def check_names(what: str, given: Iterable[str], known: Iterable[str]) -> None:
-    """ValueError where some of the names ``given`` are not ``known``; ``what`` says of what they are names.
+    """ValueError where some of the names ``given`` are not ``known``; ``what`` says whose parameters they are.
 
     >>> check_names("parameters of this problem", ["graviti"], ["length", "gravity"])
     Traceback (most recent call last):
@@ -65,7 +65,8 @@ def check_names(what: str, given: Iterable[str], known: Iterable[str]) -> None:
     strange = sorted(map(str, set(given).difference(there)))
     if strange:
         suggested = next(filter(None, (near(word, there) for word in strange)), "")
-        raise ValueError(f"{strange} are no {what}; it has {there}{suggested}")
+        has = there or f"none; declare them: parameters={{{strange[0]!r}: ...}}"
+        raise ValueError(f"{strange} are no {what}; it has {has}{suggested}")
 
 
 def no_attribute(module: str, name: str, known: Iterable[str]) -> AttributeError:

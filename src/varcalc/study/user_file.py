@@ -11,6 +11,7 @@ import pkgutil
 import traceback
 from collections.abc import Generator
 from contextlib import contextmanager
+from dataclasses import is_dataclass, replace
 from pathlib import Path
 from textwrap import shorten
 from types import ModuleType
@@ -115,7 +116,7 @@ def defined(
     called: str,
     example: str,
 ) -> T:
-    """What a file of a catalogue, or of one's own, defines as ``name``.
+    """What a file of a catalogue, or of one's own, defines as ``name``; the docstring is the title of what has none.
 
     ``kind`` says what such files are, ``called`` what people call the class or classes ``wanted``, ``example`` how one
     ends.
@@ -125,11 +126,18 @@ def defined(
     module = run_file(Path(text), f"`{name}`") if text.endswith(SUFFIX) else catalogued(package, text, text, kind)
     value = getattr(module, name, None)
     if isinstance(value, wanted):
-        return value
+        return _titled(value, module)
     if value is not None:
         raise ProblemFileError(f"`{name}` in {text} must be a {called}, not {value!r}")
     remedy = instead_of(name, module, text) or f"; end it with {example}"
     raise ProblemFileError(f"{text} defines no `{name}`{remedy}")
+
+
+def _titled(value: T, module: ModuleType) -> T:
+    line = _opening(module.__doc__)
+    if line and is_dataclass(value) and not isinstance(value, type) and getattr(value, "title", None) == "":
+        return replace(value, title=line)
+    return value
 
 
 @contextmanager
@@ -148,8 +156,12 @@ def _first_line(module_name: str) -> str:
     spec = importlib.util.find_spec(module_name)
     if spec is None or spec.origin is None:
         raise ProblemFileError(f"{module_name} is no file that can be read; reinstall varcalc")
-    docstring = ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
-    return docstring.partition("\n")[0].rstrip(".")
+    return _opening(ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))))
+
+
+def _opening(docstring: str | None) -> str:
+    """Its first line, as a title."""
+    return (docstring or "").strip().partition("\n")[0].rstrip(".")
 
 
 def failed(path: Path, part: str, error: BaseException) -> ProblemFileError:

@@ -66,7 +66,7 @@ class LegendreCondition(Check[Legendre]):
         numbers = {"least": least, "at": at}
         name = "L_y''y''" if problem.order == 2 else "L_y'y'"
         if math.isnan(least):
-            yield Finding(None, "Legendre's condition has nothing to say: bounds leave the slope free nowhere")
+            yield Finding(None, "Legendre's condition was not tested: bounds are touched all along the curve")
         elif measured.vanishes:
             yield Finding(Verdict.SINGULAR, f"{name} vanishes along the curve: nothing in L fixes a curve", numbers)
         elif not measured.holds:
