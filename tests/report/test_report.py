@@ -23,6 +23,7 @@ from varcalc.report.page import Mark
 from varcalc.report.pictures import sketch
 from varcalc.report.question import asked_of_problem, asked_of_scene, asked_of_system
 from varcalc.report.subjects import Kind, catalogued_subjects, subjects_of
+from varcalc.report.words import about_sections
 from varcalc.study.experiments import experiment_catalogue, load_experiment
 from varcalc.study.reference import catalogue, load
 from varcalc.study.scenes import load_study, scene_catalogue
@@ -170,6 +171,14 @@ def test_a_process_that_dies_takes_no_other_page_along(tmp_path):
     assert CRASHED in (tmp_path / "deadly.html").read_text(encoding="utf-8")
     assert entries["lever"].mark is Mark.GOOD
     assert not multiprocessing.active_children()
+
+
+def test_a_docstring_of_one_line_is_the_title_and_no_section(tmp_path):
+    mine = tmp_path / "mine.py"
+    for text, headings in (("A string.", []), ("A string.\n\nPulled up at one end.\n", ["What it is"])):
+        mine.write_text(f'"""{text}"""\nproblem = None\n')
+        [subject] = subjects_of([str(mine)])
+        assert [section.heading for section in about_sections(subject)] == headings
 
 
 SLOW = '''"""A file that takes its time."""

@@ -153,7 +153,7 @@ def unseen_section(
     if not solution.searched:
         found.append("no other curves were looked for")
     if check is not None:
-        found += [f"the {name}: its route is closed" for name, index in check.routes.items() if index is None]
+        found += [f"the index by {name}: its route is closed" for name, index in check.routes.items() if index is None]
         if math.isnan(check.weierstrass):
             found.append("Weierstrass's excess")
     if certificate is not None and certificate.scope is not Scope.ALL:

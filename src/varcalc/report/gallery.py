@@ -15,7 +15,7 @@ from varcalc.report.rendering import Entry, index_html, page_html
 from varcalc.report.scene_page import scene_page
 from varcalc.report.subjects import Kind, Subject
 from varcalc.report.system_page import system_page
-from varcalc.report.words import about_section, source_section
+from varcalc.report.words import about_sections, source_section
 from varcalc.study.user_file import BROKEN
 from varcalc.workers import Workers
 
@@ -40,7 +40,7 @@ def page_of(subject: Subject, depth: Depth = Depth.FULL) -> Page:
 
 def _failure(subject: Subject, reason: str, details: str = "") -> Page:
     parts = [Paragraph(reason), *([Paragraph(details, verbatim=True)] if details else [])]
-    sections = (about_section(subject), PageSection("What went wrong", tuple(parts)), source_section(subject))
+    sections = (*about_sections(subject), PageSection("What went wrong", tuple(parts)), source_section(subject))
     title = subject.line or subject.name
     return Page(subject.name, subject.kind.singular, title, FAILED, reason, Mark.BAD, sections)
 

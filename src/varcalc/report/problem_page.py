@@ -40,7 +40,7 @@ from varcalc.report.page import (
 from varcalc.report.pictures import picture, sketch
 from varcalc.report.question import asked_of_problem
 from varcalc.report.subjects import Subject
-from varcalc.report.words import about_section, source_section
+from varcalc.report.words import about_sections, source_section
 from varcalc.solution import Solution, VariationalError
 from varcalc.solve.diagnose import diagnose
 from varcalc.study.compare import Comparison, compare
@@ -119,7 +119,7 @@ def problem_page(subject: Subject, depth: Depth) -> Page:
     began = time.process_time()
     references = load(subject.given)
     first = _looked_at(references[0])
-    sections = [about_section(subject), *_case_sections(first, level=2)]
+    sections = [*about_sections(subject), *_case_sections(first, level=2)]
     if depth is Depth.FULL:
         sections += [_measured_section(first.reference), *_other_cases(first, references[1:])]
     elif len(references) > 1:

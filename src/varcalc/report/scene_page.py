@@ -30,7 +30,7 @@ from varcalc.report.page import (
 from varcalc.report.pictures import picture, sketch
 from varcalc.report.question import asked_of_scene
 from varcalc.report.subjects import Subject
-from varcalc.report.words import about_section, capital, source_section
+from varcalc.report.words import about_sections, capital, source_section
 from varcalc.showing import Fact, counted
 from varcalc.study.scenes import load_study
 
@@ -50,7 +50,7 @@ def scene_page(subject: Subject) -> Page:
     arrivals = seen.arrivals
     answer = _ended(seen) if arrivals is None else _arrived(arrivals, study)
     sections = [
-        about_section(subject),
+        *about_sections(subject),
         PageSection("The question", (Facts(tuple(asked_of_scene(study))),)),
         PageSection("The answer", (Facts(tuple(_answered(seen, answer))), *_pictures(seen))),
         *([] if arrivals is None else [_arrivals_section(arrivals)]),

@@ -27,7 +27,7 @@ from varcalc.report.page import (
 from varcalc.report.pictures import picture, sketch
 from varcalc.report.question import asked_of_system
 from varcalc.report.subjects import Subject
-from varcalc.report.words import about_section, capital, source_section
+from varcalc.report.words import about_sections, capital, source_section
 from varcalc.showing import counted
 from varcalc.study.experiments import load_experiment
 
@@ -49,7 +49,7 @@ def system_page(subject: Subject) -> Page:
     return Page(
         subject.name, subject.kind.singular, done.title or subject.line, _answer(moved, done.errors),
         f"off by {done.largest:.1g} at the most from what is known of it", mark,
-        (about_section(subject), *sections, source_section(subject)),
+        (*about_sections(subject), *sections, source_section(subject)),
         "" if moved is None else _sketch(moved), None, done.largest, time.process_time() - began,
     )  # fmt: skip
 

@@ -13,15 +13,15 @@ def capital(sentence: str) -> str:
     return sentence[:1].upper() + sentence[1:]
 
 
-def about_section(subject: Subject) -> PageSection:
-    """The paragraphs of the docstring but its first line; indented ones are displayed as they stand."""
+def about_sections(subject: Subject) -> tuple[PageSection, ...]:
+    """The paragraphs of the docstring but its first line, if any; indented ones are displayed as they stand."""
     parts = []
     for number, paragraph in enumerate(subject.paragraphs):
         text = paragraph.partition("\n")[2] if not number else paragraph
         if text.strip():
             indented = all(line.startswith("    ") for line in text.splitlines() if line.strip())
             parts.append(Paragraph(text if indented else " ".join(text.split()), verbatim=indented))
-    return PageSection("What it is", tuple(parts))
+    return (PageSection("What it is", tuple(parts)),) if parts else ()
 
 
 def source_section(subject: Subject) -> PageSection:
