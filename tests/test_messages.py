@@ -163,6 +163,7 @@ WRITTEN_WRONGLY = [
     (lambda: vc.Curve(lambda dq, q: ca.norm_2(dq), vc.At([0, 0]), vc.At([1, 1])), "put them in that order"),
     (lambda: vc.Curve(lambda q, dq: ca.norm_2(dq), START, END), "Fixed is an end of a Problem"),
     (lambda: of_ends(length, order=3), "order must be 1 or 2, not 3; .* take v = y' for the unknown function"),
+    (lambda: of_ends(lambda x, y, dy, ddy: ddy**2), r"called with \(x, y, dy\), .* and ddy before it with order=2"),
     (lambda: vc.Bound(length, low=0), "Bound has no argument 'low'; did you mean 'lower'?"),
     (
         lambda: of_ends(

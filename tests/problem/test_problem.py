@@ -113,8 +113,8 @@ def vectors(lagrangian: Any) -> vc.Problem:
             r"end.phi must return a scalar, but its result has shape \(2, 1\)",
         ),
         # components
-        (lambda: problem(lambda x, y, dy: dy**2 + y[5]), ValueError, r"is not there: .* one unknown function, y\[0\]"),
-        (lambda: vectors(lambda x, y, dy: dy[0] * y[-3]), ValueError, r"2 unknown functions, y\[0\] to y\[1\]"),
+        (lambda: problem(lambda x, y, dy: dy**2 + y[5]), ValueError, r"is not there: .* one component, \[0\]"),
+        (lambda: vectors(lambda x, y, dy: dy[0] * y[-3]), ValueError, r"2 components, \[0\] to \[1\]"),
         (lambda: vectors(lambda x, y, dy: sum(v**2 for v in dy)), TypeError, "lagrangian unpacks or loops over"),
         # constraints
         (lambda: problem(square, START, END, 3), TypeError, r"constraints must be a sequence, not 3"),

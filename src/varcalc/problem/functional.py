@@ -278,7 +278,8 @@ class Functional(Shown):
         position = self.handed(symbols.x, symbols.y)
         place, rates, end_names = self.written
         order = [*place, *rates[: len(slopes)]]
-        lagrangian = trace("lagrangian", self.lagrangian, [*position, *slopes, *p], kind, order=order)
+        more = "".join(f", and {rate} before it with order=2" for rate in rates[len(slopes) :])
+        lagrangian = trace("lagrangian", self.lagrangian, [*position, *slopes, *p], kind, more, order)
         traced = self._traced_constraints(kind)
         for label in ("start", "end"):
             phi = self.traced_slide(label, symbols.x, symbols.y, kind)

@@ -98,11 +98,12 @@ def trace(
     NumPy functions work as CasADi's do; CasADi's notice about them is kept
     quiet inside this call only. Raises TypeError or ValueError naming
     ``name`` when the function cannot be called so or does not return a scalar;
-    ``hint`` says what its arguments are, ``order`` what a textbook calls them (see :func:`check_order`).
+    ``hint`` says what its arguments are, ``order`` what a textbook calls them (see :func:`check_order`), ``hint`` then
+    when there are more.
     """
     if order:
         names = [*order, *["p"][: len(arguments) - len(order)]]
-        hint = f"it is called with ({', '.join(names)}), where {LAST}"
+        hint = f"it is called with ({', '.join(names)}), where {LAST}{hint}"
     check_arity(name, function, len(arguments), hint)
     check_order(name, function, order)
     return scalar(name, called(name, function, arguments, kind), kind)
