@@ -15,7 +15,7 @@ from varcalc.study.drawing import Drawing, Levels, Line, Net, Panel, Points, Sha
 PALETTE: tuple[str, ...] = tuple(hues[0] for hues in COLOURS.values())
 WIDTH, HEIGHT = 4.4, 3.8
 """Of a panel, in inches."""
-MOST_TICKS = 5
+MOST_TICKS = 3
 """Of an axis in space, where there is little room."""
 MERIDIANS = 13
 """Of the sphere that an orbit lies on."""
