@@ -164,6 +164,16 @@ WRITTEN_WRONGLY = [
     (lambda: vc.Curve(lambda q, dq: ca.norm_2(dq), START, END), "Fixed is an end of a Problem"),
     (lambda: of_ends(length, order=3), "order must be 1 or 2, not 3; .* take v = y' for the unknown function"),
     (lambda: of_ends(lambda x, y, dy, ddy: ddy**2), r"called with \(x, y, dy\), .* and ddy before it with order=2"),
+    (
+        lambda: vc.Isoperimetric(length, vc.Parameter("A")),
+        r"must be a number, not Parameter\(name='A'\); .* in a formula it is p.<name>",
+    ),
+    (
+        lambda: of_ends(
+            lambda x, y, dy, p: dy**2, constraints=[vc.Holonomic(lambda x, y, dy: dy[0])], unknowns={"k": 1}
+        ),
+        r"p\[0\] has no meaning: .*; its last argument, here dy, is p",
+    ),
     (lambda: vc.Bound(length, low=0), "Bound has no argument 'low'; did you mean 'lower'?"),
     (
         lambda: of_ends(

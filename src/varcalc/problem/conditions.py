@@ -71,7 +71,10 @@ def real(name: str, value: Any) -> float:
             pass
         except OverflowError:  # whole numbers and ratios that no float holds
             return math.inf if value > 0 else -math.inf
-    raise TypeError(f"{name} must be a number, not {told(value)}")
+    within = (
+        "; a Parameter is a coordinate of an end; in a formula it is p.<name>" if isinstance(value, Parameter) else ""
+    )
+    raise TypeError(f"{name} must be a number, not {told(value)}{within}")
 
 
 _NO_NUMBERS = str | bytes | bytearray | bool | np.bool_ | np.complexfloating | ca.SX | ca.MX

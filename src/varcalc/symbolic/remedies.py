@@ -82,13 +82,18 @@ class NotSymbolic(ValueError):
     """A function could not be evaluated with SX symbols (interpolated data needs MX)."""
 
 
-def complaint(name: str, error: Exception, columns: Sequence[int], kind: type) -> Exception:
-    """The error to raise for the function ``name`` that failed with ``error`` when it was given such columns."""
+def complaint(name: str, error: Exception, columns: Sequence[int], kind: type, last: str) -> Exception:
+    """The error to raise for the function ``name`` that failed with ``error`` when it was given such columns.
+
+    ``last`` is what its author calls its last argument; nothing where that is not known.
+    """
     text = str(error)
     if "out of bounds" in text.lower():
         return ValueError(_out_of_range(name, columns))
     if isinstance(error, Misused):
-        return TypeError(f"{name}: {text}")
+        return TypeError(
+            f"{name}: {text}" + (f"; its last argument, here {last}, is p" if last not in {"", "p"} else "")
+        )
     if isinstance(error, ValueError):
         return ValueError(f"{name}: {text}") if type(error) is ValueError else error
     remedy = next((remedy for part, remedy in REMEDIES if part in text), "mend the function")

@@ -134,7 +134,17 @@ def called(name: str, function: Callable[..., Any], arguments: Sequence[Expressi
         except NotSymbolic:
             raise
         except BROKEN as error:
-            raise complaint(name, error, [a.numel() for a in arguments if isinstance(a, kind)], kind) from error
+            columns = [a.numel() for a in arguments if isinstance(a, kind)]
+            raise complaint(name, error, columns, kind, _last_name(function)) from error
+
+
+def _last_name(function: Callable[..., Any]) -> str:
+    """What the last argument of a plain function is called."""
+    return "".join(_given(function)[-1:]) if isinstance(function, FunctionType) else ""
+
+
+def _given(function: FunctionType) -> tuple[str, ...]:
+    return function.__code__.co_varnames[: function.__code__.co_argcount]
 
 
 def check_order(name: str, function: Callable[..., Any], order: Sequence[str]) -> None:
@@ -145,7 +155,7 @@ def check_order(name: str, function: Callable[..., Any], order: Sequence[str]) -
     """
     if not isinstance(function, FunctionType) or not order:
         return
-    given = function.__code__.co_varnames[: function.__code__.co_argcount]
+    given = _given(function)
     first = given[: len(order)]
     mixed = first != tuple(order) and sorted(first) == sorted(order)
     if not mixed and "dy" in order:
