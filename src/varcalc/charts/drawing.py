@@ -88,7 +88,7 @@ def _fill(axes: Any, panel: Panel) -> None:
     if panel.title:
         axes.set_title(panel.title, fontsize="medium")
     if any(isinstance(part, Line) and part.label for part in panel.parts):
-        axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.1 if panel.z else 1.0, 0.5))
+        axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.25 if panel.z else 1.0, 0.5))
 
 
 def _draw_lines(axes: Any, part: Line | Levels, colour: str) -> None:
