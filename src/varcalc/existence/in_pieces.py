@@ -6,6 +6,7 @@ The abscissae at which a curve is broken are unknowns, with Weierstrass and Erdm
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -32,6 +33,7 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
+from varcalc.verify.along_curve import touches
 from varcalc.verify.held_by_kinks import Release, released
 
 STEPS_ALONG_KINKS = 60
@@ -242,8 +244,22 @@ def _broken_at(
         if way.refine < method.refine and not len(_vanished(solution)):
             continue  # it was asked for no more than which stretches are left
         if solution.status.ok and whole and np.all(np.diff(solution.x) > 0):
-            return replace(solution, method=method)
+            return replace(solution, method=method, sensitivities=_rates_known(solution))
     return None
+
+
+def _rates_known(solution: Solution) -> dict[str, float]:
+    """The sensitivities, but of parameters that move a bound that is touched.
+
+    Momenta jump where a kink holds the curve at a bound; multipliers at the points of a mesh tell only roughly of it.
+    """
+    extremal = solution.extremal
+    if extremal is None or not touches(extremal):
+        return dict(solution.sensitivities)
+    bounds = [c.expression for c in extremal.form.conditions.pathwise if not c.equality]
+    symbols = ca.vertsplit(extremal.form.symbols.parameters)
+    moved = [bool(ca.depends_on(ca.vertcat(*bounds), symbol)) for symbol in symbols]
+    return {n: math.nan if m else rate for (n, rate), m in zip(solution.sensitivities.items(), moved, strict=True)}
 
 
 def _at_knots(problem: Problem, pieces: list[Refraction | Ride]) -> bool:
