@@ -123,9 +123,8 @@ class BentAlong(AlongAxes):
 
     def sums(self, x: np.ndarray, y: np.ndarray, points: int = POINTS_BENT) -> np.ndarray:
         """What curves y (P, K + 1, 2 k) sum, (P,)."""
-        return (
-            self.costs(x, y[:, :, None], points)[..., 0, 0].sum(1) + self.at_end(0, y[:, 0]) + self.at_end(1, y[:, -1])
-        )
+        at_ends = self.at_end(0, y[:, 0]) + self.at_end(1, y[:, -1])
+        return self.costs(x, y[:, :, None], points)[..., 0, 0].sum(1) + at_ends
 
     def halved(self, x: np.ndarray, y: np.ndarray, finer: np.ndarray) -> np.ndarray:
         """The same curves (P, K + 1, 2 k) with more vertices."""
@@ -174,18 +173,16 @@ class BentTogether(PolygonsTogether):
         """
         if any(self.landscape.departures.problem.of_type(Isoperimetric)):
             return None
-        own, far = (
-            np.zeros((1, *self.x.shape, len(self.landscape.axes) * 2)),
-            FAR_OUT * 2.0 ** np.arange(LINE_DOUBLINGS),
-        )
+        axes, far = self.landscape.axes, FAR_OUT * self.landscape.unit * 2.0 ** np.arange(LINE_DOUBLINGS)
+        own = np.zeros((1, len(self.x), 2 * len(axes)))
         for row, value in self.found[:LINES]:
             if not value < self.own_value:
                 continue
-            size = float(np.abs(row[:, : len(self.landscape.axes)]).max())
-            lines = np.concatenate([own, (far / size)[:, None, None] * self.landscape.unit * row])
+            size = float(np.abs(row[:, : len(axes)] @ axes).max())
+            lines = np.concatenate([own, (far / size)[:, None, None] * row])
             sums = self.landscape.sums(self.x, lines)
             if self.landscape.convex_along(self.x, lines[-1]):
-                fall = falling_on(float(sums[0]), sums[1:], far * self.landscape.unit, self.landscape.sign)
+                fall = falling_on(float(sums[0]), sums[1:], far, self.landscape.sign)
                 if fall is not None:
                     return fall
         return None

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from varcalc.numerics.chebyshev import roots, to_series
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion
-from varcalc.numerics.one_coordinate.quadrature import seen
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion, seen
 from varcalc.numerics.one_coordinate.slopes import SameSlopes
 
 DEGREE = 15

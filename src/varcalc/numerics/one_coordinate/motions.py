@@ -401,3 +401,10 @@ def ways(
         way = NoTurn(potential, np.zeros(len(rows)), u0[rows], w0[rows] ** 2, sign, C[rows])
         out.append((rows, way, way.reaching(np.where(sign > 0, above.x[rows], below.x[rows]))))
     return out
+
+
+def seen(gentle: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """True (m,) where no two neighbours of ``places`` (m, k) have several of the ``gentle`` ones between them."""
+    if len(gentle) == 0:
+        return np.ones(len(places), dtype=bool)
+    return np.all(np.abs(np.diff(np.searchsorted(gentle, places), axis=1)) <= 1, axis=1)

@@ -13,7 +13,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion, seen
 
 NODES, WEIGHTS = gauss(16)
 AGREED = 1e-13
@@ -69,13 +69,6 @@ def _panel(way: Integrable, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarr
     half = (high - low) / 2
     places, values = way.integrands(((low + high) / 2)[:, None] + half[:, None] * NODES)
     return half * (values @ WEIGHTS), np.abs(half) * (np.abs(values) @ WEIGHTS), seen(way.gentle, places)
-
-
-def seen(gentle: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """True (m,) where no two neighbours of ``places`` (m, k) have several of the ``gentle`` ones between them."""
-    if len(gentle) == 0:
-        return np.ones(len(places), dtype=bool)
-    return np.all(np.abs(np.diff(np.searchsorted(gentle, places), axis=1)) <= 1, axis=1)
 
 
 def integrals(

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from varcalc.numerics.mesh import gauss
-from varcalc.numerics.one_coordinate.motions import AT_JUMP, CoordinateMotion, OneTurn, TwoTurns
+from varcalc.numerics.one_coordinate.motions import AT_JUMP, CoordinateMotion, OneTurn, TwoTurns, seen
 from varcalc.numerics.one_coordinate.panels import transform
-from varcalc.numerics.one_coordinate.quadrature import MOST_PANELS, PANEL_HALVINGS, cut, seen
+from varcalc.numerics.one_coordinate.quadrature import MOST_PANELS, PANEL_HALVINGS, cut
 from varcalc.optics.models.reduction import RayPotential
 from varcalc.optics.rays.beam import Rows
 
