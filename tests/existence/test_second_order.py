@@ -101,3 +101,15 @@ def test_what_falls_for_ever_is_not_called_least():
     )
     found = vc.solve(problem, throw=False)
     assert not found.status.ok or found.local
+
+
+@pytest.mark.parametrize("above", [1.01, 1.05, 1.5])
+def test_a_strut_that_gives_way_far_out_has_no_least_value(above):
+    """Beyond Euler's load, 0.3 (pi/2)^2 here, sines of a quarter turn lead down for ever; near rest a load holds it."""
+    thrust = above * 0.3 * (np.pi / 2) ** 2
+    problem = vc.Problem(
+        lambda x, y, v, w: 0.15 * w**2 - thrust * v**2 / 2 + 3 * (1 - ca.cos(y)), vc.Fixed(0, 0, dy=0), vc.Free(1),
+        order=2,
+    )  # fmt: skip
+    found = vc.solve(problem, throw=False)
+    assert found.verdict is vc.Verdict.UNBOUNDED or found.lower == -np.inf

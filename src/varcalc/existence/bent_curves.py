@@ -107,6 +107,13 @@ class BentAlong(AlongAxes):
         """The lowest curves (P, K + 1, 2 k) that shapes of the whole interval lead to, as large as ``sizes`` (k,)."""
         return led_to(partial(self.sums, x), self._shapes(x, sizes))
 
+    def far_out(self, x: np.ndarray) -> np.ndarray:
+        """The lowest curve (1, K + 1, 2 k) far out, where it lies below the known one."""
+        sizes = FAR_OUT * self.unit / np.abs(self.axes).max(axis=1)
+        curves = led_to(partial(self.sums, x), self._shapes(x, sizes))
+        values = self.sums(x, curves)
+        return curves[[np.argmin(values)]] if values.min() < self.sums(x, 0 * curves[:1])[0] else curves[:0]
+
     def _shapes(self, x: np.ndarray, sizes: np.ndarray) -> np.ndarray:
         """Departures of the whole interval of which one does not bend as another does, (m, K + 1, 2 k)."""
         found, k, t = [], len(self.axes), (x - x[0]) / (x[-1] - x[0])
@@ -167,7 +174,7 @@ class BentTogether(PolygonsTogether):
     landscape: BentAlong
 
     def fall(self) -> Fall | None:
-        """The line from the known curve through a low one, where it leads down for ever and L stays convex.
+        """The line from the known curve through a low one, or one far out, that leads down for ever; L stays convex.
 
         None where there are levels, which such lines do not keep.
         """
@@ -175,9 +182,8 @@ class BentTogether(PolygonsTogether):
             return None
         axes, far = self.landscape.axes, FAR_OUT * self.landscape.unit * 2.0 ** np.arange(LINE_DOUBLINGS)
         own = np.zeros((1, len(self.x), 2 * len(axes)))
-        for row, value in self.found[:LINES]:
-            if not value < self.own_value:
-                continue
+        low = [row for row, value in self.found[:LINES] if value < self.own_value]
+        for row in (*low, *self.landscape.far_out(self.x)):
             size = float(np.abs(row[:, : len(axes)] @ axes).max())
             lines = np.concatenate([own, (far / size)[:, None, None] * row])
             sums = self.landscape.sums(self.x, lines)
