@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from campaigns.admissible import least_polygon
+from campaigns.kinds import KINDS, Drawn
+from campaigns.least_seen import least_seen
 from campaigns.mixtures import Mixture, mixture
-from mixtures import told
+from mixtures import told, told_of_kind
 
 
 def test_the_least_polygon_is_as_high_as_its_pieces_are_long():
@@ -33,4 +35,28 @@ def test_a_number_stands_for_one_mixture():
 @pytest.mark.parametrize("number", [5])
 def test_no_mixture_is_wrong(number):
     outcome, line = told(number)
+    assert outcome != "wrong", line
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_number_of_a_kind_stands_for_one_problem(kind):
+    one, other = Drawn(kind, 3).problem, Drawn(kind, 3).problem
+    assert str(one.integrand) == str(other.integrand)
+
+
+def test_what_is_seen_of_a_kind_is_no_lower_than_the_least():
+    # a beam that nothing loads but its ends, y''^2 / 2 in units of its own: the cubic between them
+    class Beam(Drawn):
+        def lagrangian(self, x, y, v, bends, switches):
+            return bends[0] ** 2 / 2
+
+    given = Beam("bent", 1)
+    given.free = False
+    h, (a, b), (p, q) = given.span, (given.start[0], given.end[0]), given.slopes
+    least = 2 * (p**2 + p * q + q**2) / h - 6 * (b - a) * (p + q) / h**2 + 6 * (b - a) ** 2 / h**3
+    assert least_seen(given, starts=1) == pytest.approx(least, rel=1e-9)
+
+
+def test_no_levelled_pair_is_wrong():
+    outcome, line = told_of_kind("levelled-pair", 1)
     assert outcome != "wrong", line

@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import casadi as ca
 import numpy as np
 
 from varcalc.existence.directions import CurveOrSlope, polygonal
@@ -21,11 +22,13 @@ from varcalc.existence.relaxation import Relaxed, applies, relaxed
 from varcalc.formulation import broken_form, formulate
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import on_curve
+from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
-from varcalc.symbolic.derived import answered
-from varcalc.verify.slopes import vouched
+from varcalc.symbolic.derived import answered, derived
+from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.verify.slopes import concave_beside, vouched
 
 RELAXED_PIECES = (32, 64)
 """Polygons on which the relaxed problem is solved; the difference tells their error."""
@@ -81,11 +84,18 @@ def lower_with_corners(best: Solution, tol: float) -> Solution | None:
 
 
 def bent(problem: Functional, failure: Solution) -> bool:
-    """Whether L of a problem whose curves may have corners is not convex in the slope."""
+    """Whether L of a problem whose curves may have corners is not convex in the slope, or not less what is levelled."""
     if not (isinstance(problem, Problem) and applies(problem)):
         return False
     # that may have been told by Weierstrass's excess
-    return failure.verdict is Verdict.WEAK_MINIMUM or not convex(problem)
+    return failure.verdict is Verdict.WEAK_MINIMUM or not convex(problem) or _bent_by_levels(problem, failure)
+
+
+def _bent_by_levels(problem: Problem, failure: Solution) -> bool:
+    """Whether L, less levels of the slope by the multipliers of what was tried, is concave in the slope beside that."""
+    on_slope = (t for t in problem.traced if isinstance(t.constraint, Isoperimetric))
+    levels = any(ca.depends_on(t.expression, problem.symbols.highest) for t in on_slope)
+    return levels and failure.curve is not None and concave_beside(failure)
 
 
 @answered
@@ -166,18 +176,27 @@ def _order(found: Relaxed, first: int, last: int, steep: np.ndarray) -> list[int
 
 
 def _jumps(problem: Problem, found: Relaxed, teeth: _Teeth) -> list[int]:
-    """Vertices of a polygon at which the slope crosses a range where L is not convex."""
+    """Vertices of a polygon at which the slope crosses a range where L, with levels at their prices, is not convex."""
     inner = teeth.x[1:-1]
     y = np.interp(inner, found.x, found.y)
     left, right = teeth.slopes[:-1], teeth.slopes[1:]
     tried = np.array([0.0, *CHORD_SHARES, 1.0])
     slopes = left[:, None] + (right - left)[:, None] * tried
     shape = slopes.shape
-    values = problem.integrand_values(np.repeat(inner, shape[1]), np.repeat(y, shape[1])[None], slopes.reshape(1, -1))
-    values = problem.sign * values.reshape(shape)
+    count, numbers = slopes.size, (problem.parameter_values[None], problem.unknown_guesses[None])
+    x, y = np.repeat(inner, shape[1])[:, None], np.repeat(y, shape[1])[:, None]
+    parts = _integrands(problem)(count, x, y, slopes.reshape(-1, 1), np.zeros((1, 0)), *numbers)
+    values = (problem.sign * parts[:, 0] + parts[:, 1:] @ found.prices).reshape(shape)
     chord = values[:, :1] * (1 - tried) + values[:, -1:] * tried
     size = np.abs(values).max(1) + np.abs(values[:, -1] - values[:, 0])
     return [int(k) + 1 for k in np.flatnonzero((values - chord).max(1) > ABOVE_CHORD * size)]
+
+
+@derived
+def _integrands(problem: Problem) -> PointEvaluator:
+    """L and what is levelled."""
+    levels = [t.expression for t in problem.traced if isinstance(t.constraint, Isoperimetric)]
+    return PointEvaluator(ca.Function("L", problem.symbols.all, [ca.densify(ca.vertcat(problem.integrand, *levels))]))
 
 
 def _solved(problem: Problem, teeth: _Teeth, tol: float, found: Relaxed) -> Solution | None:

@@ -133,7 +133,8 @@ class Departures:
         Of a function that does not depart ``away`` and ``rates`` are None. Without ``turns``, the second derivatives
         of what departs, all bend as the known curve does.
         """
-        return self.least([(v, v) for v in self._columns(x, away, rates, turns)])
+        with np.errstate(all="ignore"):  # far out there is what overflows
+            return self.least([(v, v) for v in self._columns(x, away, rates, turns)])
 
     def _columns(self, x: np.ndarray, away: Rows, rates: Rows, turns: Rows | None = None) -> list[np.ndarray]:
         """L and what is bounded or levelled, as they are stated."""
@@ -144,6 +145,19 @@ class Departures:
         if turns is not None:
             bent = [c if a is None else c + a for c, a in zip(bent, turns, strict=True)]
         return columns(self.problem)(x, place, turned, bent, *self.numbers)
+
+    @property
+    def levels(self) -> list[Isoperimetric]:
+        """What is levelled, one after the other."""
+        return list(self.problem.of_type(Isoperimetric))
+
+    def beside_level(self, number: int, x: np.ndarray, away: Rows, rates: Rows) -> tuple[np.ndarray, np.ndarray]:
+        """What ``values`` are without one level, by its number, and what is levelled by it."""
+        kept = [c for c in self.problem.constraints if isinstance(c, Isoperimetric | Bound)]
+        index = next(k for k, c in enumerate(kept) if c is self.levels[number])
+        columns = self._columns(x, away, rates)
+        values, levelled = self.least([(v, v) for v in columns]), columns[1 + index]
+        return values + self.sign * self._multipliers[index] * levelled, levelled
 
     def free_of_levels(self, x: np.ndarray, weights: np.ndarray, away: Rows, rates: Rows) -> bool:
         """Whether the values of curves that depart so are their own: no level holds the known curve, and all are kept.

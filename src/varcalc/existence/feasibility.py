@@ -20,12 +20,14 @@ from varcalc.formulation import formulate
 from varcalc.formulation.singular import forms
 from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.symbolic.evaluation import in_columns
+from varcalc.verify.slopes import vouched
 
 EQUAL = 1e-9
 """Relative distance from an extreme level at which only the extreme curve itself is left."""
@@ -35,6 +37,12 @@ REAL_MISS = 1e-3
 """A miss, relative to the sizes of the conditions, that smoothness alone does not explain."""
 MISS_KEPT = 0.9
 """Share of the miss that is left when steepness costs a thousandth."""
+WAVES, WAVE_SIZES = (1, 2, 7), np.array([-1e3, -10.0, -1.0, -0.1, -1e-2, 1e-2, 0.1, 1.0, 10.0, 1e3])
+"""Waves on the way, and their sizes in units of the interval and the curve, that may beat what is taken for extreme."""
+WAVE_PIECES, WAVE_POINTS = 32, 4
+"""Pieces and Gauss points on each by which it is told what waves sum."""
+BEATEN = 1e-6
+"""Relative difference of two sums that is one."""
 CHORD_POINTS = 33
 SLIDE_STARTS = 6
 """Places from which |phi| is made least."""
@@ -136,10 +144,36 @@ def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> 
             maximise=greatest,
         )  # fmt: skip
     for form in filter(None, forms(bare)):
-        solution = Ritz(starts=3).solve(form, tol=1e-10, guess=None)
-        if solution.status.ok:
+        solution = vouched(Ritz(starts=3).solve(form, tol=1e-10, guess=None), form)
+        if solution.status.ok and not _beaten(solution):
             return solution.value
     return math.inf if greatest else -math.inf
+
+
+def _beaten(solution: Solution) -> bool:
+    """Whether waves on the way, small or large, show that a solution is not extreme among all graphs.
+
+    Where all derivatives vanish at once, as those of y'^4 at rest, the equations tell of nothing.
+    """
+    problem, curve = solution.problem, solution.curve
+    if not isinstance(problem, Problem) or curve is None or any(problem.slides):
+        return False
+    a, b = problem.span
+    x, weights = composite_gauss(np.linspace(a, b, WAVE_PIECES + 1), WAVE_POINTS)
+    own, sums = [curve(x, k) for k in range(problem.order + 1)], []
+    sizes = WAVE_SIZES * max(b - a, float(np.abs(own[0]).max()))
+    unknowns = np.tile(list(solution.unknowns.values()), (len(x), 1))
+    with np.errstate(all="ignore"):
+        for count in WAVES:
+            turn, rate = 2 * np.pi * count * (x - a) / (b - a), 2 * np.pi * count / (b - a)
+            wave = 1 - np.cos(turn), rate * np.sin(turn), rate**2 * np.cos(turn)  # at rest at both ends
+            for axis in np.eye(problem.n)[:, :, None]:
+                for size in sizes:
+                    y, v, *bent = (known + size * axis * departs for known, departs in zip(own, wave, strict=False))
+                    values = problem.integrand_values(x, y, v, None, unknowns, *bent)
+                    sums.append(problem.sign * float(values @ weights))
+    known = problem.sign * solution.value - BEATEN * max(1.0, abs(solution.value))
+    return any(math.isfinite(value) and value < known for value in sums)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ followed to its bottom by the direct method, and what that ends in counts by its
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
@@ -36,7 +36,7 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, integrals
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
-from varcalc.problem.convexity import proved_jointly_convex, proved_quadratic
+from varcalc.problem.convexity import proved_jointly_convex, proved_quadratic, proved_with_levels
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import PROVED, Solution
@@ -46,6 +46,8 @@ from varcalc.verify.slopes import concave_beside
 
 if TYPE_CHECKING:
     from varcalc.existence.directions import AlongDirection
+    from varcalc.existence.levelled_polygons import LevelledPolygons
+    from varcalc.existence.together import Looked
 
 FOLLOWED, FOLLOWED_ACROSS, FOLLOWED_IN_DIRECTIONS = 3, 4, 4
 """Valleys that are followed from one curve, across a landscape, and in all directions from one."""
@@ -69,6 +71,7 @@ ACROSS = Ritz(elements=24, degree=3, refine=False, starts=1), Ritz(elements=24, 
 IN_NARROW = Ritz(starts=1, degree=8)
 """The way into a narrow valley, on a mesh of its own."""
 QUADRATIC = "L is proved to be of second degree in the curve and its slope"
+WITH_LEVELS = " in the curve and its slope, less its levels by their multipliers"
 ONE_CURVE, DEPARTURE_PLACES = 0.05, 33
 """Departure from the known curve, in units of the larger extent, of one in the same valley; places where it is told."""
 PLACE = 1
@@ -83,6 +86,8 @@ WITHDRAWN = 0.9
 ROUGHLY = 0.05
 """How far above the known value a rough one may be, in units of what is summed, for the valley to be lower."""
 
+NONE_LOWER = 1e-6
+"""How much lower a polygon has to be, in units of what is summed, to be so."""
 NEARLY = 1e-2
 """The same for a polygon of many pieces."""
 
@@ -120,6 +125,8 @@ def looked_around(solution: Solution, polish: Polish, tol: float, *, followed: b
     problem = solution.problem
     if proved_jointly_convex(problem):
         return replace(solution, searched=f"{PROVED} in the curve and its slope: there is no other valley")
+    if proved_with_levels(problem, solution.multipliers):
+        return replace(solution, searched=f"{PROVED}{WITH_LEVELS}: there is no other valley")
     if followed and proved_quadratic(problem):
         return replace(solution, searched=f"{QUADRATIC}: there is one valley")
     reason = _not_looked(problem)
@@ -170,6 +177,7 @@ class _LookedAt:
     ends: bool = False
     narrow: bool = False
     instead: str = ""
+    levelled: bool = False
     unfollowed: bool = False
 
     @property
@@ -187,6 +195,7 @@ class _LookedAt:
             looked += f" within {self.reach:.4g} of the curve"
         looked += ", and those across its hills and wells," if self.across and not self.bends else ""
         looked += " and in all directions at once," if self.together and not self.bends else ""
+        looked += " and those in a box that keep a level," if self.levelled else ""
         looked += " and what all other ends cost," if self.ends else ""
         looked += " and shifts into narrow valleys," if self.narrow else ""
         walled = self.walled and not self.bends
@@ -308,6 +317,7 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
         seen.nodes = max([seen.nodes, *(about.levels for _, about in looked)])
         seen.walled = seen.walled or any(about.walled for _, about in looked)
         seen.across = seen.across or any(across is not None for across in acrosses)
+        pairs = [(*pair, across) for pair, across in zip(looked, acrosses, strict=True)]
         for (direction, about), across in zip(looked, acrosses, strict=True):
             worth = partial(_worth_following, best, about)
             if bends:  # polygons show how far out there are hills and wells, no more
@@ -318,19 +328,22 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
                 return fallen
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
             found += _across(across)
-        pairs = [(*pair, across) for pair, across in zip(looked, acrosses, strict=True)]
         if bends:
             box, fall = _least_bent(pairs)
             if fall is not None:
                 return _on_fall(best, fall)
         else:
             box = together(pairs)
+        levelled = _keeping_levels(best, pairs)
         bent = cheaper_ends(best)
-        found += _across(box) + _across(bent)
+        found += [valley for lattice in (box, bent) for valley in _across(lattice)]
     if len(found) > FOLLOWED_IN_DIRECTIONS:
         found = list(_closer(best, found))
     found = sorted(found, key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
+    # how low a coarse polygon lies that keeps a level tells less than that it does
+    found += [valley for lattice in levelled for valley in _across(lattice)]
     seen.together, seen.ends = seen.together or box is not None, seen.ends or bent is not None
+    seen.levelled = seen.levelled or bool(levelled)
     if polish is None:
         seen.unfollowed = bool(found)
         polygons = (_by_polygon(best, lattice, valley, followed=False) for _, lattice, valley, _ in found)
@@ -338,6 +351,23 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
     seen.number += len(found)
     followed = (_followed(best, lattice, [valley], way, polish) for _, lattice, valley, way in found)
     return next((lower for lower in followed if lower is not None), None)
+
+
+def _keeping_levels(best: Solution, looked: Sequence[Looked]) -> list[LevelledPolygons]:
+    """The least polygons that keep a level each.
+
+    Where of all polygons none is lower that need not keep it, with the level by its multiplier, none is that does (weak
+    duality: Luenberger, "Optimization by Vector Space Methods", ch. 8).
+    """
+    if not (looked and any(best.problem.of_type(Isoperimetric))):
+        return []
+    lattices = [lattice for _, *both in looked for lattice in both if lattice is not None]
+    lower = any(v.value < t.own_value - NONE_LOWER * t.summed for t in lattices for v in t.valleys())
+    if not lower and len(looked[0][0].shares) == 1:  # of several functions lattices along directions hold few
+        return []
+    from varcalc.existence.levelled_polygons import keeping_levels  # few problems come to this
+
+    return keeping_levels(looked)
 
 
 def _least_bent(
@@ -489,11 +519,21 @@ def _by_meshes(
     found = polish(many, start)
     if not found.status.ok and many != exact_way:
         found = polish(exact_way, start)
-    if found.status.ok:
-        return found if _is_lower(found.value, best, found.error.value, LOWER) else None
-    if rough.status.ok and _is_lower(rough.value, best, rough.error.value, SURELY_LOWER):
+    surely = rough.status.ok and _is_lower(rough.value, best, rough.error.value, SURELY_LOWER)
+    if found.status.ok and surely and not _is_lower(found.value, best, found.error.value, LOWER):
+        found = polish(many, _samples(rough))  # the finer mesh left the valley
+    if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
+        return found
+    if surely:
         return _marked(best, f"a rough curve has the value {rough.value:.6g}, and {LED_NOWHERE}")
     return None
+
+
+def _samples(solution: Solution) -> Sampled:
+    """The curve of a solution, to start from."""
+    curve = solution.curve
+    assert curve is not None
+    return lambda x: curve(np.atleast_1d(x), 0)
 
 
 def _withdrawn(best: Solution, start: Sampled) -> Sampled:

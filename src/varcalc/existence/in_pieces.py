@@ -30,6 +30,7 @@ from varcalc.methods.crossings import (
 )
 from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -40,6 +41,10 @@ STEPS_ALONG_KINKS = 60
 """Iterations in which a curve that follows kinks is found where it does: a few."""
 ROUGH_DEGREE = 6
 """Degree at which it is seen which stretches along a kink are left."""
+COARSE_DEGREE, LEFT_VALLEY = 4, 1e-2
+"""Degree at which what is begun from leads to the nearest curve; how much higher one lies, relatively, that is not."""
+PIECES_SUMMED, POINTS_SUMMED = 48, 12
+"""Pieces and Gauss points on each by which it is seen what a curve sums."""
 FOLLOWED_TO = 1e-6
 """Size of what is zero along a stretch, in its own units, to which an interior-point method holds it."""
 NEAR_ENDS = 1e-3
@@ -68,7 +73,7 @@ def settled(
     """
     on_jump: float | None = None  # the value along a curve on a jump itself
     for _ in range(ROUNDS):
-        solution = None if len(found) > MOST else _broken_at(problem, method, tol, curve, found, bent)
+        solution = None if len(found) > MOST else _broken_in_valley(problem, method, tol, curve, found, bent)
         if solution is None or solution.curve is None:
             return None
         if len(lasting := _lasting(solution, found)) < len(found):
@@ -211,6 +216,30 @@ def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solu
                 away = max(BESIDE_JUMP * small, FURTHER_ASIDE * abs(c.level - jump))
                 moved[k] = replace(c, level=jump + away * float(np.sign(middles[number, piece] - jump)))
     return moved
+
+
+def _broken_in_valley(
+    problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing], bent: Sequence[float]
+) -> Solution | None:
+    """The same near ``curve``: an interior-point method may leave the valley it begins in, on coarse meshes seldom."""
+    solution = _broken_at(problem, method, tol, curve, found, bent)
+    if solution is None or solution.curve is None or not method.refine:
+        return solution
+    begun, ended = (summed_along(problem, c) for c in (curve, solution.curve))
+    if not ended > begun + LEFT_VALLEY * max(abs(begun), abs(ended)):
+        return solution
+    rough = _broken_at(problem, replace(method, degree=COARSE_DEGREE, refine=False), tol, curve, found, bent)
+    if rough is None or rough.curve is None or not summed_along(problem, rough.curve) < ended:
+        return solution
+    again = _broken_at(problem, method, tol, rough.curve, breaking(problem, met_by(rough, FOLLOWED_TO)), bent)
+    return solution if again is None or problem.sign * (again.value - solution.value) > 0 else again
+
+
+def summed_along(problem: Problem, curve: Curve) -> float:
+    """What is minimised, but for what ends cost, along a curve, with everything that switches."""
+    x, weights = composite_gauss(np.linspace(*problem.span, PIECES_SUMMED + 1), POINTS_SUMMED)
+    bent = curve(x, 2) if problem.order == 2 else None
+    return problem.sign * float(problem.integrand_values(x, curve(x, 0), curve(x, 1), ddy=bent) @ weights)
 
 
 def _broken_at(

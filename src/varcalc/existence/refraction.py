@@ -18,7 +18,7 @@ import numpy as np
 from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.directions import polygonal
 from varcalc.existence.held_throughout import Curve, held_throughout
-from varcalc.existence.in_pieces import FOLLOWED_TO, alike, breaking, corners, settled
+from varcalc.existence.in_pieces import FOLLOWED_TO, alike, breaking, corners, settled, summed_along
 from varcalc.existence.polygons import Valley
 from varcalc.existence.rests import along_jumps, with_rests
 from varcalc.existence.rounded import Rounded, ordinates_of, points_along, rounded, sizes_at
@@ -35,7 +35,6 @@ from varcalc.methods.crossings import (
     unmet,
 )
 from varcalc.methods.ritz.method import Ritz
-from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, crowded, singular_inside
 from varcalc.problem.conditions import Bound
 from varcalc.problem.convexity import proved_jointly_convex
@@ -55,8 +54,8 @@ HALF_WAY, BESIDE_VALLEY = 3.0, 1e-9
 """How much more, in the same units, what is followed may be along a narrow valley than in the middle, and at least."""
 BESIDE_KINK = 1e-3
 """Change of the highest derivative, in units of 1 and of its own, over which it is seen which way a kink points."""
-NODES, POINTS_BETWEEN = 49, 12
-"""Abscissae between which a rounded curve is looked at, and Gauss points by which L is summed between two of them."""
+NODES = 49
+"""Abscissae between which a rounded curve is looked at."""
 
 
 def refracted(
@@ -99,7 +98,7 @@ def _broken_near(
     ridden = False
     last: list[Crossing] | None = None
     # what is no minimum may be far above a polygon in a valley that its mesh does not hold
-    narrow = [] if guess is not None or about.stands else _narrow_polygons(problem, _summed(problem, about.curve))
+    narrow = [] if guess is not None or about.stands else _narrow_polygons(problem, summed_along(problem, about.curve))
     for polygon, marks in narrow:
         if (solution := _as_polygon(problem, method, tol, polygon, marks)[0]) is not None:
             return solution, []
@@ -165,13 +164,6 @@ def _narrow_polygons(problem: Problem, below: float = math.inf) -> list[tuple[Sa
 def _shown_by_polygons(problem: Problem) -> bool:
     """Whether polygons show more than other curves do; under bounds nothing is tried that was tried without them."""
     return not (proved_jointly_convex(problem) or any(problem.of_type(Bound)))
-
-
-def _summed(problem: Problem, curve: Curve) -> float:
-    """What is minimised, but for what ends cost, along a curve, with everything that switches."""
-    x, weights = composite_gauss(np.linspace(*problem.span, NODES), POINTS_BETWEEN)
-    bent = curve(x, 2) if problem.order == 2 else None
-    return problem.sign * float(problem.integrand_values(x, curve(x, 0), curve(x, 1), ddy=bent) @ weights)
 
 
 def _as_polygon(

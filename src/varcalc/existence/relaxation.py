@@ -50,7 +50,7 @@ class Relaxed:
 
     ``value`` is the functional (with the person's sign), ``y`` the ordinates,
     ``slopes`` (2, pieces) the slopes of each piece and ``shares`` (2, pieces)
-    the parts of it that have them.
+    the parts of it that have them. One of ``prices`` a level is what it costs, as it is minimised.
     """
 
     value: float
@@ -58,6 +58,7 @@ class Relaxed:
     y: np.ndarray
     slopes: np.ndarray
     shares: np.ndarray
+    prices: np.ndarray
 
     @property
     def mixed(self) -> np.ndarray:
@@ -252,16 +253,18 @@ class _RelaxedProgram:
         result = solver(x0=guess, lbx=low, ubx=high, **levels)
         if solver.stats()["return_status"] not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
             return None
-        return self._read(np.asarray(result["x"]).ravel())
+        rows = np.asarray(result["lam_g"]).ravel()
+        levels = len(list(self.problem.of_type(Isoperimetric)))
+        return self._read(np.asarray(result["x"]).ravel(), rows[self.pieces : self.pieces + levels] * (size or 1.0))
 
-    def _read(self, w: np.ndarray) -> Relaxed:
+    def _read(self, w: np.ndarray, prices: np.ndarray) -> Relaxed:
         inner = int(self.free.sum())
         y = self.line.copy()
         y[self.free] = w[:inner] * self.height
         share, one, other = w[inner:].reshape(3, self.pieces)
         sign = self.problem.sign
         value = sign * float(self._value(w))
-        return Relaxed(value, self.x, y, np.array([one, other]) * self.steep, np.array([share, 1 - share]))
+        return Relaxed(value, self.x, y, np.array([one, other]) * self.steep, np.array([share, 1 - share]), prices)
 
 
 def _turns_up(x: np.ndarray, y: np.ndarray, first: int, middle: int, last: int) -> bool:

@@ -20,7 +20,7 @@ from varcalc.formulation import Sampled
 
 PIECES_TOGETHER = 8
 """Pieces of the polygons through the nodes of the box."""
-SIDE = {2: 11, 3: 7, 4: 4}
+SIDE = {1: 25, 2: 11, 3: 7, 4: 4}
 """Levels of the box along each of so many axes."""
 LEAST_SIDE = 9
 """Levels of more axes, of which no box is taken: the least polygons of each direction are moved."""
@@ -182,20 +182,33 @@ def in_box(
 
     None where no curve is admitted.
     """
-    alone = [along for along, _, _ in looked if np.count_nonzero(along.shares) == 1]
-    axes, own = np.array([a.direction for a in alone]), np.array([a.shares for a in alone]) > 0
+    landscape, x, low, high = ranges(kind, looked)
+    levels = landscape.levels(low, high)
+    steps = np.array([landscape.step(row) for row in levels])
+    starts = landscape.starts(x, levels, lambda: _in_their_directions(x, _axes(looked)[1], looked))
+    if not len(starts):
+        return None
+    starts[:, landscape.kept(x)] = 0.0  # where the known curve is all are
+    return landscape, x, starts, steps
+
+
+def ranges(
+    kind: Callable[[Departures, np.ndarray], _Kind], looked: Sequence[Looked]
+) -> tuple[_Kind, np.ndarray, np.ndarray, np.ndarray]:
+    """A landscape of a ``kind``, vertices, and from where to where (k,) along its axes there is what to see."""
+    axes, own = _axes(looked)
     corners = np.array(
         [end * own @ along.shares for along, about, across in looked for end in _range(along, about, across)]
     )
     landscape = kind(looked[0][0].departures, axes)
     x = np.union1d(np.linspace(*landscape.span, landscape.pieces + 1), landscape.waypoints)
-    levels = landscape.levels(corners.min(0), corners.max(0))
-    steps = np.array([landscape.step(row) for row in levels])
-    starts = landscape.starts(x, levels, lambda: _in_their_directions(x, own, looked))
-    if not len(starts):
-        return None
-    starts[:, landscape.kept(x)] = 0.0  # where the known curve is all are
-    return landscape, x, starts, steps
+    return landscape, x, corners.min(0), corners.max(0)
+
+
+def _axes(looked: Sequence[Looked]) -> tuple[np.ndarray, np.ndarray]:
+    """The axes (k, n) that were looked along, and their shares of those of the departures, 1 or 0."""
+    alone = [along for along, _, _ in looked if np.count_nonzero(along.shares) == 1]
+    return np.array([a.direction for a in alone]), np.array([a.shares for a in alone]) > 0
 
 
 def _in_their_directions(

@@ -13,11 +13,14 @@ from collections.abc import Sequence
 import casadi as ca
 
 from varcalc.problem.breaks import whole
-from varcalc.problem.conditions import Bound, Holonomic
+from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
 from varcalc.problem.functional import Functional, Traced
 from varcalc.problem.problem import Curve
 from varcalc.symbolic.convexity import Entry, Shape, shapes
 from varcalc.symbolic.derived import derived
+
+SURELY_HELD = 1e-8
+"""Multiplier of a level that surely has its sign."""
 
 
 def proved_jointly_convex(problem: Functional) -> bool:
@@ -29,6 +32,30 @@ def proved_jointly_convex(problem: Functional) -> bool:
     if any(problem.slides) or problem.symbols.kind is not ca.SX:
         return False
     return _proved(problem, problem.span, tuple(problem.parameters.values()))
+
+
+def proved_with_levels(problem: Functional, multipliers: Sequence[float]) -> bool:
+    """Whether an extremal is least because L, less each level times its one of the ``multipliers``, is proved convex.
+
+    One multiplier a constraint is that of the extremal. What keeps the levels then sums no less than the extremal, as
+    it would without them (weak duality: Luenberger, "Optimization by Vector Space Methods", ch. 8).
+    """
+    if any(problem.slides) or problem.symbols.kind is not ca.SX or problem.end_cost_expression is not None:
+        return False
+    levels = [(t, m) for t, m in zip(problem.traced, multipliers, strict=False) if _is_level(t)]
+    if not levels or len(levels) < len(problem.traced) or any(abs(m) < SURELY_HELD for _, m in levels):
+        return False
+    s = problem.symbols
+    summed = problem.integrand - sum(m * t.expression for t, m in levels)
+    curve: list[list[Entry]] = [[None] * symbol.numel() for symbol in (s.y, s.dy, s.ddy)]
+    entries = [[problem.span], *curve, [*problem.parameters.values()], [None] * s.unknowns.numel()]
+    ((shape,),) = shapes(ca.Function("L", s.all, [summed]), [list(row) for row in entries])
+    return shape.concave if problem.maximise else shape.convex
+
+
+def _is_level(traced: Traced) -> bool:
+    low, high = traced.constraint.interval if isinstance(traced.constraint, Isoperimetric) else (0.0, 1.0)
+    return low == high
 
 
 def proved_quadratic(problem: Functional) -> bool:

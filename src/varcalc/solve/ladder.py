@@ -19,7 +19,6 @@ from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, IN_NARROW, has_lattice, looked_around
 from varcalc.existence.polygons import Polygon
 from varcalc.existence.refraction import meets_switches, refracted, smooth_or_refused
-from varcalc.existence.rests import along_jumps
 from varcalc.existence.upright import not_attained, upright
 from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
@@ -130,8 +129,6 @@ def _found(problem: Functional, method: Method | None, tol: float, guess: Guess,
         if solution is None and method is None:
             solution = _clear_of_switches(problem, tol)
     solution = solution or _broken(problem, method or LADDER[0], tol, guess)
-    if solution is not None and guess is None:
-        solution = _or_smooth(solution, method or LADDER[0], tol)
     smooth = solution is None
     if solution is None:
         solution = _climbed(problem, tol, guess, told) if method is None else _attempt(problem, method, tol, guess)
@@ -139,22 +136,6 @@ def _found(problem: Functional, method: Method | None, tol: float, guess: Guess,
         return _examined(problem, method, tol, guess, solution, smooth, told)
     except KeyboardInterrupt as stop:
         raise Interrupted(solution) from stop
-
-
-def _or_smooth(known: Solution, method: Method, tol: float) -> Solution:
-    """The answer that stays beside a jump, or the one that meets none where that is lower.
-
-    Lattices about the one lie too close beside the jump, or too far apart, to show the other.
-    """
-    problem, curve = known.problem, known.curve
-    if not (known.status.ok and isinstance(method, Ritz) and isinstance(problem, Problem)):
-        return known
-    if curve is None or known.extremal is not None or not along_jumps(problem, curve):
-        return known
-    smooth = _made_out(_attempt(problem, replace(method, starts=1), tol, None))
-    room = known.error.value + smooth.error.value
-    lower = smooth.status.ok and problem.sign * (smooth.value - known.value) < -room
-    return replace(smooth, method=method) if lower else known
 
 
 def _with_corners(problem: Functional, method: Method, tol: float) -> Solution | None:

@@ -15,13 +15,14 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.methods.answer import AlongGraph
 from varcalc.numerics.chebyshev import roots
-from varcalc.problem.breaks import breaks
+from varcalc.problem.breaks import breaks, on_curve
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.tracing import Expression
 from varcalc.verify.verification import excesses, slope_turns
 
 TELLING_TURNS = np.array([-20.0, 0.3, 4.0])
@@ -301,8 +302,16 @@ class SlopeFan:
         return (k, float(own[a, k])) if relative[a, k] < -ROUND_OFF_EXCESS else None
 
     def concave(self) -> bool:
-        """Whether the Lagrangian is concave in a component of the slope somewhere in the fan."""
-        return bool((np.where(np.isfinite(self.curvature), self.curvature, 0.0) < 0).any())
+        """Whether the Lagrangian is concave in a component of the slope somewhere in the fan, or has a kink upward."""
+        if (np.where(np.isfinite(self.curvature), self.curvature, 0.0) < 0).any():
+            return True
+        order = np.argsort(self.tried, axis=2)
+        slopes = np.take_along_axis(self.slopes, order, axis=2)
+        with np.errstate(all="ignore"):
+            fallen = np.diff(slopes, axis=2) < -ROUND_OFF_EXCESS * (
+                np.abs(slopes[:, :, 1:]) + np.abs(slopes[:, :, :-1])
+            )
+        return bool(fallen.any())
 
 
 @derived
@@ -344,7 +353,16 @@ def _functions(problem: Functional) -> _Functions:
         slope = ca.jtimes(expression, s.dy, direction)
         rows += [expression, slope, ca.jtimes(slope, s.dy, direction)]
     function = ca.Function("slopes", [*s.all, direction], [ca.densify(ca.vertcat(*rows))])
-    return _Functions(PointEvaluator(function), quadratic=not ca.depends_on(ca.vertcat(*rows[2::3]), s.dy))
+    curved = ca.depends_on(ca.vertcat(*rows[2::3]), s.dy) or _level_has_kink(problem, levels)
+    return _Functions(PointEvaluator(function), quadratic=not curved)
+
+
+def _level_has_kink(problem: Functional, levels: list[Expression]) -> bool:
+    """Whether a level switches at a slope: by its multiplier a kink may point up, where curvatures are those beside."""
+    highest = problem.symbols.highest
+    if not any(ca.depends_on(level, highest) for level in levels):
+        return False
+    return any(switch.depends_on(highest) for switch in on_curve(problem))
 
 
 def _corners(solution: Solution) -> np.ndarray:
