@@ -1,7 +1,8 @@
 """The command ``varcalc``, which Ctrl-C ends with one sentence from its first moment on.
 
 It lies beside the package: whatever lies within is read after ``varcalc`` itself, which takes up to a second, and a key
-pressed meanwhile would be answered by whatever was being imported.
+pressed meanwhile would be answered by whatever was being imported. ``python -m varcalc`` reads ``varcalc`` before it
+comes here, which therefore calls ``hear`` first of all.
 """
 
 import os
@@ -14,15 +15,19 @@ EXIT_AFTER_INTERRUPT = 130
 
 def main() -> None:
     """Carry out what the command line says."""
-    # one who ignores the key, as a shell does for what it starts in the background, goes on ignoring it
-    heard = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if heard:
-        signal.signal(signal.SIGINT, _end)
+    hear()
     from varcalc.cli import main as commands
 
-    if heard:
+    if signal.getsignal(signal.SIGINT) is _end:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     commands()
+
+
+def hear() -> None:
+    """Let Ctrl-C end the process in one sentence, until ``main`` has imported the commands."""
+    # one who ignores the key, as a shell does for what it starts in the background, goes on ignoring it
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _end)
 
 
 def _end(_number: int, _frame: object) -> None:

@@ -118,16 +118,24 @@ def test_other_threads_have_none():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGINT to send to another process")
-def test_the_command_hears_it_while_the_package_is_imported(tmp_path):
-    package = tmp_path / "varcalc"
-    package.mkdir()
-    (package / "__init__.py").write_text(f"import time\nprint('begun', flush=True)\ntime.sleep({A_WHILE})\n")
-    # a process that a shell has put into the background ignores the key, and so do those that it starts
-    as_usual = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    code = f"{as_usual}\nfrom varcalc_command import main\nmain()"
-    command, pipe = [sys.executable, "-c", code], subprocess.PIPE
+@pytest.mark.parametrize(
+    "words", [["-c", "from varcalc_command import main; main()"], ["-m", "varcalc"], ["-mvarcalc"]]
+)
+def test_the_command_hears_it_while_the_package_is_imported(tmp_path, words):
+    (tmp_path / "casadi.py").write_text(f"import time\nprint('begun', flush=True)\ntime.sleep({A_WHILE})\n")
+    command, pipe = [sys.executable, *words, "list"], subprocess.PIPE
     with subprocess.Popen(command, cwd=tmp_path, stdout=pipe, stderr=pipe, text=True) as process:
         assert process.stdout.readline() == "begun\n"
         process.send_signal(signal.SIGINT)
         _, said = process.communicate(timeout=A_WHILE)
     assert (process.returncode, said) == (130, "stopped before anything had begun\n")
+
+
+def test_a_program_that_imports_the_package_hears_it_as_before(tmp_path):
+    package = tmp_path / "own"
+    package.mkdir()
+    (package / "__init__.py").write_text("import signal\nimport varcalc\n")
+    (package / "__main__.py").write_text("from own import signal\nprint(signal.getsignal(signal.SIGINT).__name__)\n")
+    command = [sys.executable, "-m", "own", "-m", "varcalc"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout == "default_int_handler\n"

@@ -1,5 +1,13 @@
 """varcalc: variational optics and the calculus of variations, solved and verified."""
 
+import sys
+
+# ``python -m varcalc`` reads this before varcalc.__main__: the word before the arguments tells it from any other start
+if sys.argv[:1] == ["-m"] and sys.orig_argv[-len(sys.argv)] in {"varcalc", "-mvarcalc"}:
+    import varcalc_command
+
+    varcalc_command.hear()
+
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
