@@ -1,6 +1,7 @@
 """Text and LaTeX of expressions: what they say, and that they say the same as CasADi's."""
 
 import math
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -157,3 +158,24 @@ def test_interpolated_data_is_written_as_casadi_writes_it() -> None:
     problem = traced(lambda x, y, dy: table(y) * ca.sqrt(1 + dy**2))
     assert euler_lagrange_text(problem).endswith(" = 0")
     assert text(problem.integrand, names(problem))
+
+
+@pytest.mark.parametrize("formula", [lambda u: u**60, lambda u: u ** ca.SX(300), lambda u: 1 / u ** ca.SX(300)])
+def test_high_powers_of_sums_are_not_multiplied_out(formula):
+    problem = Problem(lambda x, y, dy: dy**2 / 2 + formula(1 + x + y), Fixed(0, 0), Fixed(1, 1))
+    begun = time.process_time()
+    equation = euler_lagrange_text(problem)
+    assert time.process_time() - begun < 2.0
+    assert "(1 + x + y)" in equation
+    assert len(equation) < 80
+
+
+def test_numbers_beyond_all_floats_are_written():
+    wall = Problem(lambda x, y, dy: ca.if_else(y < 0, ca.inf, dy**2), Fixed(0, 1), Fixed(1, 1))
+    assert "if(y < 0, inf)" in str(wall)
+    falling = Problem(lambda x, y, dy: dy**2 / 2 + ca.inf * y, Fixed(0, 1), Fixed(1, 1))
+    assert euler_lagrange_latex(falling) == r"\infty - y'' = 0"
+    huge = Problem(lambda x, y, dy: dy**2 / 2 + (1e200 * y) ** 2, Fixed(0, 1), Fixed(1, 1))
+    assert euler_lagrange_text(huge) == "inf y - y'' = 0"
+    steep = Problem(lambda x, y, dy: 1e300 * dy**2 / 2 + y, Fixed(0, 1), Fixed(1, 1))
+    assert euler_lagrange_text(steep) == "1e+300 y'' - 1 = 0"

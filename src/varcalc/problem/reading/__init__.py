@@ -16,7 +16,7 @@ from varcalc.problem.conditions import Bound
 from varcalc.problem.functional import Functional, check_functional
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.reading.equations import MOST_TERMS, collected, simplified
-from varcalc.problem.reading.reader import EXPANDED, FACTORED, Named, names, names_of
+from varcalc.problem.reading.reader import EXPANDED, FACTORED, Named, TooLong, names, names_of
 from varcalc.problem.reading.sums import Sum
 from varcalc.problem.reading.writing import LATEX, TEXT, Style, write
 from varcalc.spelling import spelled
@@ -83,8 +83,17 @@ def left_sides(problem: Functional, legible: float = math.inf) -> Iterator[Sum |
 
 def _shortened(component: Expression, named: Named) -> Sum:
     """What is to vanish, over a common denominator, which is left out; the first of the names is the abscissa's."""
-    left = simplified(EXPANDED.read(component, named), named[0][1][0])
-    return left if len(left.terms) <= MOST_TERMS else FACTORED.read(component, named)
+    left = _expanded(component, named)
+    left = None if left is None else simplified(left, named[0][1][0])
+    return FACTORED.read(component, named) if left is None or len(left.terms) > MOST_TERMS else left
+
+
+def _expanded(expression: Expression, named: Named) -> Sum | None:
+    """An expression with its products carried out; None where nobody would read what comes of it."""
+    try:
+        return EXPANDED.read(expression, named)
+    except TooLong:
+        return None
 
 
 def equation_text(left: Expression, named: Named) -> str:
@@ -168,6 +177,9 @@ def first_integrals_text(problem: Functional) -> dict[str, str]:
 
 def _shorter(expression: Expression, named: Named) -> Sum:
     """Whichever has fewer terms: as it stands, expanded, or with common denominators of its parts carried out."""
-    readings = [EXPANDED.read(expression, named), FACTORED.read(expression, named)]
+    factored, multiplied_out = FACTORED.read(expression, named), _expanded(expression, named)
+    if multiplied_out is None:
+        return factored
+    readings = [multiplied_out, factored]
     readings += [collected(r) for r in readings]
     return min(readings, key=lambda s: (len(s.terms), len(write(s, TEXT))))

@@ -115,6 +115,8 @@ def _normalised(total: Sum) -> Sum:
     """Terms in order, the first coefficient positive, all of them whole where they have a common measure."""
     terms = sorted(total.terms, key=lambda t: _order(t[0]))
     smallest = min(abs(c) for _, c in terms)
+    if not all(math.isfinite(c / smallest) for _, c in terms):  # infinite, or too far apart
+        return Sum(tuple(terms))
     ratios = [Fraction(c / smallest).limit_denominator(LARGEST_DENOMINATOR) for _, c in terms]
     scale = 1.0 / terms[0][1]
     if all(abs(float(r) * smallest - c) <= SAME_NUMBER * abs(c) for r, (_, c) in zip(ratios, terms, strict=True)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -29,6 +30,8 @@ from varcalc.symbolic.tracing import Expression
 
 Named = Sequence[tuple[Expression, Sequence[str]]]
 """Symbols with the names of their entries."""
+HIGHEST_EXPANDED, MOST_PRODUCTS = 12, 3000
+"""Of powers of sums that are multiplied out, and of terms times terms: nobody reads what comes of more."""
 
 
 def names(problem: Functional) -> Named:
@@ -45,6 +48,10 @@ def names_of(problem: Functional, lagrangian: Lagrangian) -> Named:
         out.append((derivative, [base + "'" * k for base in bases]))
     out += [(s.parameters, list(problem.parameters)), (s.unknowns, list(problem.unknowns))]
     return [(symbols, labels) for symbols, labels in out if labels]
+
+
+class TooLong(ArithmeticError):
+    """Products have more terms than anybody reads."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,7 @@ class Reader:
         rule = self._rules().get(operation)
         if rule is not None:
             return rule(a, b)
-        if operation in POWERS and b.number is not None:
+        if operation in POWERS and b.number is not None and math.isfinite(b.number):
             return self._raised(a, Fraction(b.number).limit_denominator(LARGEST_DENOMINATOR))
         if all(o.number is not None for o in operands):
             constants = [o.number or 0.0 for o in operands]
@@ -94,10 +101,18 @@ class Reader:
         }
 
     def _raised(self, a: Sum, exponent: Fraction) -> Sum:
-        whole = exponent.denominator == 1 and exponent > 0
-        if whole and self.product is expanded and len(a.terms) > 1:
-            return reduce(expanded, [a] * int(exponent))
+        if self.product is not multiply and exponent.denominator == 1 and len(a.terms) > 1:
+            if abs(exponent) > HIGHEST_EXPANDED:
+                raise TooLong
+            if exponent > 0:
+                return reduce(self.product, [a] * int(exponent))
         return power(a, exponent)
 
 
-FACTORED, EXPANDED = Reader(multiply), Reader(expanded)
+def _multiplied_out(a: Sum, b: Sum) -> Sum:
+    if len(a.terms) * len(b.terms) > MOST_PRODUCTS:
+        raise TooLong
+    return expanded(a, b)
+
+
+FACTORED, EXPANDED = Reader(multiply), Reader(_multiplied_out)

@@ -5,6 +5,7 @@ They flatten, merge and cancel as they are built.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -151,23 +152,31 @@ def multiply(a: Sum, b: Sum) -> Sum:
     return Sum.of({times(m, n): c * d})
 
 
+def _number_to(value: float, exponent: Fraction) -> float:
+    """A number to a power, infinite where it is too large for a float: Python raises there."""
+    try:
+        return value ** (int(exponent) if exponent.denominator == 1 else float(exponent))
+    except OverflowError:
+        return -math.inf if value < 0 and exponent % 2 else math.inf
+
+
 def power(a: Sum, exponent: Fraction) -> Sum:
     """a ** exponent; a root is taken of each factor only where at most one of them may be negative."""
     value = a.number
     if value is not None and (value > 0 or (exponent.denominator == 1 and (value or exponent > 0))):
-        return number(value ** float(exponent))
+        return number(_number_to(value, exponent))
     if exponent == 1:
         return a
     c, m = _factor(a)
     if exponent.denominator == 1:
-        return Sum.of({monomial({x: e * exponent for x, e in m}): c ** int(exponent)})
+        return Sum.of({monomial({x: e * exponent for x, e in m}): _number_to(c, exponent)})
     safe = {x: e * exponent for x, e in m if x.positive}
     rest = [(x, e) for x, e in m if not x.positive]
     if c > 0 and len(rest) == 1 and (rest[0][1].denominator != 1 or rest[0][1] % 2):
         safe[rest[0][0]] = rest[0][1] * exponent
-        rest, c, outer = [], 1.0, c ** float(exponent)
+        rest, c, outer = [], 1.0, _number_to(c, exponent)
     elif c > 0:
-        c, outer = 1.0, c ** float(exponent)
+        c, outer = 1.0, _number_to(c, exponent)
     else:
         outer = 1.0
     if rest or c != 1.0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +11,9 @@ from typing import Any
 
 from varcalc.axes import latex_name
 from varcalc.problem.reading.sums import LARGEST_DENOMINATOR, SAME_NUMBER, Atom, Monomial, Sum, monomial, times
+
+LARGEST_WHOLE = 1e15
+"""Of numbers that are written with all their digits."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,8 @@ def _latex_number(value: float) -> str:
     >>> print(_latex_number(7.2921159e-05), _latex_number(1e20), _latex_number(0.3))
     7.2921159 \cdot 10^{-5} 10^{20} 0.3
     """
+    if math.isinf(value):
+        return r"\infty"
     digits, _, power = _text_number(value).partition("e")
     if not power:
         return digits
@@ -105,6 +111,8 @@ LATEX = Style(
 
 
 def _fraction(value: float) -> Fraction | None:
+    if not abs(value) < LARGEST_WHOLE:
+        return None
     nice = Fraction(value).limit_denominator(LARGEST_DENOMINATOR)
     return nice if nice and abs(float(nice) - value) <= SAME_NUMBER * abs(value) else None
 
@@ -134,7 +142,7 @@ def _display_order(power: tuple[Atom, Fraction]) -> tuple[Any, ...]:
 def _term(coefficient: float, m: Monomial, style: Style) -> str:
     """One product, as a fraction where it has a denominator; square roots are gathered under one sign."""
     value, square = _fraction(coefficient), Fraction(1)
-    if value is None and (root := _fraction(coefficient**2)) is not None:
+    if value is None and (root := _fraction(coefficient * coefficient)) is not None:
         value, square = Fraction(1), root
     ordered = sorted(m, key=_display_order)
     half = Fraction(1, 2)
