@@ -261,3 +261,8 @@ def test_a_study_that_is_stopped_keeps_rays_and_arrivals_apart():
         STUDY.run(progress=AtWords("wavefronts, "))
     assert len(stopped.value.known.arrivals) > 0
     assert len(stopped.value.known.wavefronts) == 0
+
+
+def test_numpy_warns_of_nothing_in_a_call_that_is_told_of():
+    with telling(False, "numbers"):
+        assert np.isinf(np.float64(1e200) * np.float64(1e200))

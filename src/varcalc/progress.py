@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Protocol, TypeVar
 
+import numpy as np
+
 T = TypeVar("T")
 
 Progress = Callable[[int, int | None, str], Any] | bool | None
@@ -188,10 +190,13 @@ class _InNotebook:
 
 @contextmanager
 def telling(progress: Progress, title: str) -> Generator[Telling]:
-    """The one who is told of a call called ``title``, until it is over, and may be stopped by Ctrl-C."""
+    """The one who is told of a call called ``title``, until it is over, and may be stopped by Ctrl-C.
+
+    NumPy warns of nothing meanwhile: what overflows, or is no number, is looked for in what comes out.
+    """
     one = Telling(progress, title)
     try:
-        with heard():
+        with np.errstate(all="ignore"), heard():
             yield one
     finally:
         one.close()

@@ -93,7 +93,7 @@ def extremals(
     moved = list(wound(problem, period, windings))
     searches: list[_ExtremalSearch] = []
     # trajectories leave the Lagrangian's domain; what is no number is left out
-    with np.errstate(all="ignore"), telling(progress, problem.name) as told:
+    with telling(progress, problem.name) as told:
         try:
             for number, each in moved:
                 winding = None if period is None else number
