@@ -174,6 +174,10 @@ WRITTEN_WRONGLY = [
         ),
         r"p\[0\] has no meaning: .*; its last argument, here dy, is p",
     ),
+    (
+        lambda: of_ends(length, constraints=[vc.Bound(lambda x, y, dy: 1, upper=1)]),
+        "h does not depend on the curve, so it bounds nothing; leave the Bound out",
+    ),
     (lambda: vc.Bound(length, low=0), "Bound has no argument 'low'; did you mean 'lower'?"),
     (
         lambda: of_ends(

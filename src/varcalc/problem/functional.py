@@ -321,10 +321,20 @@ class Functional(Shown):
             )  # fmt: skip
             if isinstance(constraint, Holonomic) and not ca.depends_on(expression, self.symbols.y):
                 raise ValueError(f"{label} does not depend on the curve, so phi = 0 constrains nothing")
+            if isinstance(constraint, Bound):
+                self._check_bounding(label, expression)
             if isinstance(constraint, Bound) and constraint.lower == constraint.upper:
                 self._check_equation(i, expression)
             traced.append(Traced(constraint, expression))
         return traced
+
+    def _check_bounding(self, label: str, expression: Expression) -> None:
+        """ValueError for a bound on what no curve changes: what it holds to its value is nowhere free."""
+        moved = [self.symbols.y, *self.symbols.slopes, self.symbols.unknowns]
+        # an end that slides is bounded by its abscissa
+        moved += [self.symbols.x] if any(end.slides for end in (self.start, self.end)) else []
+        if not ca.depends_on(expression, ca.vertcat(*moved)):
+            raise ValueError(f"{label} does not depend on the curve, so it bounds nothing; leave the Bound out")
 
     def _check_equation(self, index: int, expression: Expression) -> None:
         """ValueError for a bound from both sides alike on the slope: no method solves differential equations beside."""
