@@ -64,3 +64,10 @@ def test_a_valley_along_a_ceiling_is_found():
     assert found.value < polygon or found.local
     assert found.value > polygon - 0.1
     assert float(found.curve(np.linspace(0, length, 2001), 0).max()) <= ceiling + 1e-9
+
+
+def test_curves_that_no_other_is_beside_are_refused():
+    """L is no number on any curve, for squares beyond all floats: no lattice has a level beside the line."""
+    ends = vc.Fixed(10, [-3.3, 1e200, 1]), vc.Fixed(10.5, [1e4, 1e4, 0])
+    problem = vc.Problem(lambda x, y, dy: ca.sumsqr(dy) / 2, *ends, maximise=True)
+    assert vc.solve(problem, throw=False).status is vc.Status.REFUSED

@@ -79,6 +79,11 @@ def test_what_is_rounded_off_comes_to_the_expression_as_the_width_goes_to_zero(n
     assert misses[2] < 1e-6
 
 
+def test_a_width_whose_square_is_beyond_all_floats_is_one():
+    (soft,) = smoothed([ca.fabs(X)], [X, Y, V], [1e200])
+    assert np.isinf(float(ca.Function("soft", [X, Y, V], [soft])(0.5, 0.0, 0.0)))
+
+
 BOXED = {
     **EXPRESSIONS,
     "powers": (X + 2) ** -1.5 + (Y - 0.3) ** 3 + (V + 0.1) ** -2 + (Y + 2) ** V,

@@ -541,9 +541,11 @@ def _as_far_as_slopes_lead(
     down, up = _room(lambda some: sizes(-some), turns), _room(sizes, turns)
     if down is None or up is None or not (most := max(down, up)) > 0.0:
         return None
-    level = WITHIN_REACH * most * float(steps.min()) / SLOPES_IN_REACH
     # with both ends given what goes up has to come down again
     share = down * up / (down + up) if all(landscape.held) else most
+    if not share > 0.0:  # a curve that is as steep as it can be is the only one
+        return None
+    level = WITHIN_REACH * most * float(steps.min()) / SLOPES_IN_REACH
     count = min(math.ceil(share * span / level), MOST_IN_REACH)
     side = level * np.arange(1, count + 1)
     if unit * NEAR[1] <= level:

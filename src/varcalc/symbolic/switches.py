@@ -287,7 +287,7 @@ def smoothed(
 
 
 def _size(a: Expression, width: float) -> Expression:
-    return ca.sqrt(a**2 + width**2)
+    return ca.sqrt(a**2 + width * width)  # Python raises where a power is too large for a number
 
 
 def _step(a: Expression, width: float) -> Expression:
