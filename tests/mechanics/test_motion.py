@@ -237,3 +237,10 @@ def test_a_motion_over_jumps_without_number_is_told_of_and_ends():
     # q = 1 + 1e6 t - t²/2 under the force -1
     t = np.linspace(0, motion.span[1], 5)
     np.testing.assert_allclose(motion.q(t)[0], 1 + 1e6 * t - t**2 / 2, rtol=1e-12)
+
+
+def test_what_is_no_number_is_known_to_nothing():
+    """The energy of a pace whose square is beyond all floats is lost, and with it what is known of the motion."""
+    motion = mechanics.System(lambda t, q, v: v[0] ** 2 / 2, ("x",)).motion([0.0], [1e200], (0, 1))
+    assert motion.drift["energy"] == math.inf
+    assert "nan" not in str(motion)

@@ -153,8 +153,8 @@ class Moving(Declared):
         twice_kinetic = PointEvaluator(ca.Function("twice_kinetic", s.all, [ca.dot(s.v, self._lagrange.momenta)]))
         columns = times[:, None], states[:, : self.n], states[:, self.n :], self._numbers[None, :]
         size = float(np.nanmax(np.abs(twice_kinetic(len(times), *columns)), initial=0.0))
-        way = (times[-1] - times[0]) * float(np.nanmax(np.abs(states[:, self.n :]), initial=0.0))
-        return way * drift / size if size > 0 else 0.0
+        way = float(times[-1] - times[0]) * float(np.nanmax(np.abs(states[:, self.n :]), initial=0.0))
+        return _as_error(way * float(drift) / size) if size > 0 else 0.0
 
     def _drift(self, times: np.ndarray, states: np.ndarray) -> dict[str, float]:
         """How far each invariant goes from where it was."""
@@ -164,4 +164,11 @@ class Moving(Declared):
         function = PointEvaluator(ca.Function("kept", self._lagrange.symbols.all, [ca.vertcat(*kept.values())]))
         columns = times[:, None], states[:, : self.n], states[:, self.n :], self._numbers[None, :]
         values = function(len(times), *columns)
-        return dict(zip(kept, np.abs(values - values[0]).max(axis=0).tolist(), strict=True))
+        with np.errstate(invalid="ignore"):
+            off = np.abs(values - values[0]).max(axis=0)
+        return dict(zip(kept, map(_as_error, off.tolist()), strict=True))
+
+
+def _as_error(value: float) -> float:
+    """What something is off by: infinite where that is no number."""
+    return float("inf") if np.isnan(value) else value

@@ -31,7 +31,7 @@ def point(name: str, given: Any) -> tuple[float, ...]:
 
 def direction(name: str, given: Any) -> tuple[float, ...]:
     """One direction as a tuple of 2 or 3 floats of length one."""
-    vector = np.array(point(name, given))
+    vector = _of_size_one(np.array(point(name, given)))
     length = float(np.linalg.norm(vector))
     if length == 0:
         raise ValueError(f"{name} has length zero; give any vector that points the way")
@@ -51,11 +51,16 @@ def rows(name: str, given: Any, dimension: int | None = None) -> np.ndarray:
 
 def unit_rows(name: str, given: Any, dimension: int | None = None) -> np.ndarray:
     """Directions as an array (m, d) of unit vectors; ValueError where one has length zero."""
-    array = rows(name, given, dimension)
+    array = _of_size_one(rows(name, given, dimension))
     lengths = np.linalg.norm(array, axis=1)
     if np.any(lengths == 0):
         raise ValueError(f"{name}: row {int(np.argmin(lengths))} has length zero; give any vector that points the way")
     return array / lengths[:, None]
+
+
+def _of_size_one(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (..., d) by powers of two of their own, exactly: squares of any number of theirs are floats."""
+    return np.ldexp(vectors, -np.frexp(np.abs(vectors).max(axis=-1, keepdims=True))[1])
 
 
 def matched(first_name: str, first: np.ndarray, name: str, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -89,3 +89,8 @@ def test_the_rays_of_a_smooth_table_end_where_they_should():
         np.testing.assert_allclose(again.points[0], [0.9, -0.1], atol=1e-13)
         half = scene.trace((0, 0.05), ray.tangents[0], optical_path=ray.optical_path / 2)
         np.testing.assert_allclose(ray.point(ray.optical_path / 2), half.points[0], atol=1e-13)
+
+
+def test_heights_too_far_apart_for_cubics_are_refused():
+    with pytest.raises(ValueError, match="which is too far; use larger units"):
+        optics.Tabulated([0.0, 1.0, 1e200], [1.0, 1.1, 1.2])

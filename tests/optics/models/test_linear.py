@@ -1,5 +1,7 @@
 """Closed forms of the linear ray equation, against Hamilton's equations and what is known."""
 
+import math
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -154,3 +156,11 @@ def test_rays_beside_a_saddle_are_found_without_warnings():
     rays = optics.Scene(optics.Graded(lambda x, y: ca.sqrt(3 + x**2 - y**2))).rays((0, 0.1), (2.5, 0.3))
     found = [ray.optical_path for ray in rays if ray.optical_path < 13.0]
     assert found == pytest.approx(sorted(path[path < 13.0]), rel=1e-11)
+
+
+def test_a_ray_comes_to_rest_where_the_index_vanishes():
+    """n = |y| from y = -1 straight up: the optical path to y = 0 is 1/2, and takes for ever."""
+    scene = optics.Scene(optics.Graded(lambda x, y: ca.fabs(y)))
+    bundle = scene.trace([(0.3, -1.0), (0.3, -1.0)], [(0.0, 1.0), (0.0, -1.0)], optical_path=5)
+    assert list(bundle.status) == [RayStatus.SINGULAR, RayStatus.ARRIVED]
+    assert bundle.points[1] == pytest.approx([0.3, -math.sqrt(11.0)], abs=1e-12)

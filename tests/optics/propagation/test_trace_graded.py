@@ -129,3 +129,9 @@ def test_a_surface_far_away_is_reached_from_the_origin():
     bundle = scene.trace((0, 0), (1, 0), until=optics.Plane((1e8, 0), (1, 0)))
     assert bundle.arrived[0]
     np.testing.assert_allclose(bundle.points[0, 0], 1e8, rtol=1e-15)
+
+
+@pytest.mark.parametrize("size", [1e200, 1e-200])
+def test_directions_of_any_length_point_the_way(size):
+    bundle = optics.Scene(optics.Uniform(2.0)).trace((0, 0), (3 * size, 4 * size), optical_path=2)
+    assert bundle.points[0] == pytest.approx([0.6, 0.8], abs=1e-15)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -130,6 +131,11 @@ class Tabulated(Brief, Medium, Layers):
             raise ValueError(
                 f"heights must ascend, but {heights[place]:g} is followed by {heights[place + 1]:g}; "
                 "sort the table and leave out what is there twice"
+            )
+        reach = float(heights[-1] - heights[0])
+        if not math.isfinite(reach * reach):  # the cubics are made of squares of distances
+            raise ValueError(
+                f"heights reach from {heights[0]:g} to {heights[-1]:g}, which is too far; use larger units"
             )
         if not np.all(index > 0):
             raise ValueError(f"n must be positive, but it is {index.min():g} at height {heights[index.argmin()]:g}")

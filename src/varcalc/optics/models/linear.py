@@ -177,7 +177,9 @@ class LinearRays:
             end[limited] = paths.reaching(limit - beam.optical_path, limited)
         struck, sigma, status = first_met(far, end)
         there = paths.at(sigma)
-        return Arrival(there, struck, np.where(np.isfinite(there.optical_path), status, int(RayStatus.SINGULAR)))
+        # a ray that comes to rest, where the index vanishes, goes nowhere from there
+        going = np.isfinite(there.optical_path) & there.momentum.any(axis=1)
+        return Arrival(there, struck, np.where(going, status, int(RayStatus.SINGULAR)))
 
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:  # noqa: ARG002
         """See :meth:`varcalc.optics.models.model.Carrier.onward`."""
