@@ -353,9 +353,9 @@ def test_a_singular_end_wherever_it_lies(start, end, as_curve):
     assert certificate.width < 1e-20 * exact
 
 
-def test_a_power_whose_exponent_is_rounded_is_refused():
+def test_a_power_whose_exponent_is_rounded_is_refused_beside_another():
     """y^(-1/3) at y = 0: the double next to 1/3 leaves a power of the regular coordinate that is not whole."""
-    problem = vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2) / y ** (1 / 3), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    problem = vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2) / y ** (1 / 3) / (1 + y), vc.Fixed(0, 0), vc.Fixed(1, 1))
     with pytest.raises(vc.VariationalError, match="no whole power"):
         vc.certify(vc.solve(problem))
 

@@ -22,7 +22,7 @@ from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
 from varcalc.formulation import SideCondition
 from varcalc.problem.conditions import Constraint, Isoperimetric
-from varcalc.problem.functional import rebuilt
+from varcalc.problem.functional import Functional, rebuilt
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.instructions import Program
 from varcalc.symbolic.tracing import Expression, TracedFunction
@@ -120,9 +120,7 @@ def with_multipliers(
 
     Of these each Isoperimetric is one of the problem's own.
     """
-    s, names = problem.symbols, [f"multiplier_{k}" for k in range(len(terms))]
-    while {*names} & {*problem.parameters, *problem.unknowns}:
-        names = [f"{name}_" for name in names]
+    s, names = problem.symbols, not_taken(problem, [f"multiplier_{k}" for k in range(len(terms))])
     symbols = ca.SX.sym("multipliers", len(names))
     total = problem.sign * problem.integrand
     for k, (integrand, _) in enumerate(terms):
@@ -146,3 +144,10 @@ def with_multipliers(
     )
     assert isinstance(found, Problem)
     return found
+
+
+def not_taken(problem: Functional, names: list[str]) -> list[str]:
+    """Names of numbers, lengthened until the problem has none of them."""
+    while {*names} & {*problem.parameters, *problem.unknowns}:
+        names = [f"{name}_" for name in names]
+    return names

@@ -14,6 +14,7 @@ from varcalc.certificates.bounds import Bounds, bounds
 from varcalc.certificates.by_convexity import by_convexity
 from varcalc.certificates.certificate import Certificate, Distance, Hypothesis, Means, Scope, decimals
 from varcalc.certificates.choice import Told, proved_tube, silent
+from varcalc.certificates.closed import begun
 from varcalc.certificates.convexity import convex_in_slope
 from varcalc.certificates.ends import end_cost, prove_ends
 from varcalc.certificates.inequalities import Inequalities, inequalities
@@ -25,6 +26,7 @@ from varcalc.certificates.nearness import Attained, Nearness, nearness
 from varcalc.certificates.pathwise import Pathwise, pathwise
 from varcalc.certificates.rayleigh import lowest_of_all
 from varcalc.certificates.regular import Regular, check_forward, regular
+from varcalc.certificates.separated import Separated, separated
 from varcalc.certificates.setting import Setting, as_graph, setting_along
 from varcalc.certificates.shifts import pinned
 from varcalc.certificates.statement import Statement
@@ -67,7 +69,14 @@ KINKS_MET = (
     "waypoints and prescribed integrals"
 )
 SHIFTED = "shifted curves have the same value: they are meant shifted so that all have one start"
-CLOSED = "closed Curves are not covered: each may begin at any of its points, so that none is strictly the least"
+BEGUN = (
+    "a closed curve may begin at any of its points, and be shifted where that changes nothing: each is meant from "
+    "a start for which a linear integral vanishes, and less that start"
+)
+SEPARATED = (
+    "up to x = {:.3g} beside the line where L is infinite the length exceeds a quadratic in y there, by Hamilton and "
+    "Jacobi's equation; y0 is what goes on from there"
+)
 SIGNS = "the multipliers of the bounds have their signs, so that L with them is no more than L within the bounds"
 WITHIN = "the curve of the upper bound lies within all bounds"
 SHARES = "an abscissa that slides is a number, and distances are meant at equal shares of the interval"
@@ -210,8 +219,35 @@ def _proof(solution: Solution, told: Told) -> Certificate:
     if alike is not None:
         found = _proof(_solved_nearby(*alike, told), told)
         return replace(found, proved=(*found.proved, Hypothesis(SHIFTED, Means.CONSTRUCTION)))
-    found = _regular_curve(solution)
-    return _of_length(solution, found, told) if isinstance(found, Regular) else _of_curve(solution, found, told)
+    try:
+        found = _regular_curve(solution)
+        return _of_length(solution, found, told) if isinstance(found, Regular) else _of_curve(solution, found, told)
+    except (Unproved, Undecided):
+        parted = separated(solution)
+        if parted is None:
+            raise
+    return _parted(parted, told)
+
+
+def _parted(parted: Separated, told: Told) -> Certificate:
+    """The certificate of a singular length, by that of its regular rest, which begins or ends free."""
+    rest, setting = _rest(parted, parted.guess, told)
+    # where it begins is told by its value to half the digits alone: once more from there
+    parted = parted.moved(float(setting.joints[-parted.end][0]))
+    rest, setting = _rest(parted, rest.y, told)
+    low, _, found = _bounded(rest, setting, told)
+    low = (low + parted.lower()).lower()
+    high = (setting.along.value + parted.upper(float(setting.joints[-parted.end][0]))).upper()
+    return replace(
+        found,
+        lower=below(low),
+        upper=above(high),
+        enclosure=decimals(low, high),
+        scope=Scope.TUBE if found.scope is Scope.ALL else found.scope,
+        tube=min(found.tube, parted.room),
+        distance=Distance(math.inf, math.inf),
+        proved=(*found.proved, Hypothesis(SEPARATED.format(parted.at), Means.BALLS)),
+    )
 
 
 def _regular_curve(solution: Solution) -> AlongCurve | Regular:
@@ -232,6 +268,11 @@ def _of_curve(solution: Solution, along: AlongCurve, told: Told) -> Certificate:
     """The certificate of a curve in coordinates in which it is regular, under whatever it is held by."""
     if along.paths and not along.form.broken_at_switches:
         return _under_equations(solution, along, told)
+    if along.form.coordinates.gauged and along.form.ends.periodic:
+        ring = begun(along)
+        found = certified(replace(solution, problem=ring.form.problem), ring, told)
+        hypotheses = (Hypothesis(sentence, Means.CONSTRUCTION) for sentence in (PACED, BEGUN))
+        return replace(found, proved=(*found.proved, *hypotheses))
     if any(isinstance(c, Isoperimetric) and not c.equality for c in solution.problem.constraints):
         return _under_inequalities(solution, along, told)
     reason = _out_of_reach(along)
@@ -388,6 +429,15 @@ def _bounded(
     return low, high, certificate
 
 
+def _rest(parted: Separated, guess: Callable[..., Any], told: Told) -> tuple[Solution, Setting]:
+    """The regular rest of a singular length, and its setting."""
+    rest = _solved_nearby(parted.rest(), guess, told)
+    along = as_graph(rest)
+    if along is None:
+        raise Unproved("the rest of the curve is not known as a graph")
+    return rest, setting_along(along, rest.value)
+
+
 def _slope_room(setting: Setting, tube: Tube, scope: Scope) -> float:
     """How far slopes may lie from the curve's own; for a Lagrangian of second order they are states of the tube."""
     if scope is Scope.ALL:
@@ -404,7 +454,6 @@ def _out_of_reach(along: AlongCurve) -> str:
         KINKS_MET: form.coordinates.corners > 0,
         f"curves in coordinates of their own ({form.coordinates.note}) are not covered": form.lift is not None
         and (form.coordinates.energetic or not any(form.problem.slides)),
-        CLOSED: form.coordinates.gauged and form.ends.periodic,
         "ends that slide are not covered of Lagrangians of second order": form.ends.equations > 0 and form.order == 2,
         "periodic ends that cost something are not covered": form.ends.joint is not None and form.ends.periodic,
         "curves that are broken where L is not smooth are not covered": form.broken_at_switches,
