@@ -27,7 +27,7 @@ from varcalc.methods.ritz.error import (
     correction,
     missed,
 )
-from varcalc.methods.ritz.method import DEGREES
+from varcalc.methods.ritz.method import DEGREES, first_degree
 from varcalc.methods.ritz.newton import Minima, QuadraticModel, minima, sound
 from varcalc.methods.ritz.starts import bends
 from varcalc.methods.ritz.system import Places, RitzSystem, least_eigenvalue, quadrature_points
@@ -111,7 +111,7 @@ def system_at(form: Form, degree: int, places: Places) -> RitzSystem:
 
 def straight_starts(form: Form, places: Places) -> tuple[np.ndarray, list[np.ndarray]]:
     """The first degree (K,) and the coefficients of straight lines between the ends; what is free at both is zero."""
-    degree = next(d for d in DEGREES[form.order] if d >= form.coordinates.least_degree)
+    degree = first_degree(form)
     return np.full(len(places.start), degree), list(_lines(on_one_element(*form.span, degree, form.n), places))
 
 

@@ -272,6 +272,12 @@ class Ritz(Brief):
         return replace(solution, method=self, stats=stats)
 
 
+def first_degree(form: Form) -> int:
+    """The degree of the first rung: as low as the form can do with, which at a singular end may be beyond them all."""
+    least = max(form.coordinates.least_degree, 2 * form.order - 1)
+    return next((degree for degree in DEGREES[form.order] if degree >= least), least)
+
+
 def _ordinates(curve: Callable[[np.ndarray, int], np.ndarray], x: np.ndarray) -> np.ndarray:
     return curve(x, 0)
 
@@ -317,9 +323,7 @@ class Rungs:
             vertices = np.unique(np.concatenate([np.linspace(a, b, elements + 1), self.form.conditions.knots]))
             close = np.diff(vertices) < 1e-12 * (b - a)
             vertices = vertices[np.concatenate([[True], ~close])]
-        lowest = 2 * self.form.order - 1
-        least = max(self.form.coordinates.least_degree, lowest)
-        first = min(d for d in DEGREES[self.form.order] if d >= least) if degree is None else max(degree, lowest)
+        first = first_degree(self.form) if degree is None else max(degree, 2 * self.form.order - 1)
         return self.space(vertices, first)
 
     def space(self, vertices: np.ndarray, degree: int) -> Space:
