@@ -268,7 +268,7 @@ def test_a_ray_in_an_index_of_another_power_whose_metric_is_even_as_well(bounds)
 
 
 def test_an_index_whose_metric_vanishes_where_the_curve_is_regular_is_refused_for_that():
-    solution = vc.solve(vc.Problem(lambda x, y, v: ca.sqrt(1 + v**2) / y**0.25, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    solution = vc.solve(vc.Curve(lambda q, v: ca.norm_2(v) / q[1] ** 0.25, vc.At([0, 0]), vc.At([1, 1])))
     with pytest.raises(vc.VariationalError, match="neither vanishes nor ends in a root"):
         vc.certify(solution)
 

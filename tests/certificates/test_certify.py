@@ -563,3 +563,20 @@ def test_three_functions_whose_field_turns_fast_are_certified(bounds):
     low, high = bounds(certificate)
     assert low <= exact <= high
     assert certificate.width < 1e-15
+
+
+def test_fast_coefficients():
+    """int w v^2 from 0 to 1 is least with w v constant: 1/int 1/w, here over 32 periods of w, summed one by one."""
+    rate = 200.0
+    problem = vc.Problem(lambda x, y, v: (1 + ca.sin(rate * x) / 2) * v**2, vc.Fixed(0, 0), vc.Fixed(1, 1))
+    certificate = vc.certify(vc.solve(problem))
+    period = 2 * mpmath.pi / rate
+    rest = 1 - 31 * period
+
+    def reciprocal(x):
+        return 1 / (1 + mpmath.sin(rate * x) / 2)
+
+    # over a period it is 2 pi/sqrt(1 - 1/4) by residues
+    total = 31 * period / mpmath.sqrt(mpmath.mpf(3) / 4) + mpmath.quad(reciprocal, [0, rest / 2, rest])
+    assert between(certificate, 1 / total)
+    assert certificate.width < 1e-17

@@ -38,7 +38,7 @@ RESOLVED = 1e-13
 """Last coefficients of a curve in Chebyshev polynomials, relative to the largest, below which it is resolved."""
 BENT = 1e-5
 """The same of the coefficients of Jacobi's equation, from which the field need not be exact."""
-MOST_PIECES = 64
+MOST_PIECES = 256
 VERTEX_ROUND_OFF = 8 * float(np.finfo(float).eps)
 """Distance from a vertex, relative to where it lies, from which on round-off takes no place to the piece beside."""
 NOTHING = 1e-24

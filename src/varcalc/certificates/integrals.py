@@ -17,7 +17,8 @@ from varcalc.certificates.statement import Statement
 
 TERMS = 20
 """Order of the Taylor forms of integrals."""
-MOST_BOXES = 600
+MOST_BOXES, MOST_ALONG = 600, 3000
+"""Boxes tried after which no proof is looked for: of a part of the curve, and of all of it while they lead on."""
 SLIVER = 2.0**-48
 """Length of a box, relative to where it lies, up to which H may switch anywhere in it: it is taken on either side."""
 FALLS, AIM = 30.0, 1e-2
@@ -60,7 +61,7 @@ def along_curve(
     """
     length = float((pieces[-1].centre + pieces[-1].half - pieces[0].centre + pieces[0].half).mid())
     allowed = 2.0 * tolerance / length
-    value, residuals, boxes, tried = flint().arb(0), [], [], 0
+    value, residuals, boxes, tried, done = flint().arb(0), [], [], 0, 0.0
     for k, piece in enumerate(pieces):
         waiting, step = [piece.box()], 1.0
         sliver = float(((abs(piece.centre) + piece.half) / piece.half).mid()) * SLIVER
@@ -73,8 +74,9 @@ def along_curve(
                 value += found[0]
                 residuals.append(found[1])
                 boxes.append((k, box))
+                done += 2.0 * float(box.unit) / length
                 waiting += [] if after is None else [after]
-            elif tried > MOST_BOXES or box.narrow:
+            elif tried > max(MOST_BOXES, done * MOST_ALONG) or box.narrow:
                 raise Unproved(f"the Lagrangian is not enclosed near {box.at:.6g}: {reason}")
             else:
                 apart = found is None and first.width == 1

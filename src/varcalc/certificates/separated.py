@@ -223,12 +223,12 @@ class Separated:
 def separated(solution: Solution) -> Separated | None:
     """A length whose metric is a power of the depth below a line through one end; None where it is no such."""
     problem = solution.problem
-    plain = isinstance(problem, Problem) and problem.order == 1 and problem.n == 1 and not problem.maximise
-    if not plain or problem.constraints or problem.end_cost is not None or problem.unknowns or solution.curve is None:
+    if not isinstance(problem, Problem) or solution.curve is None or problem.symbols.kind is not ca.SX:
+        return None
+    held = problem.constraints or problem.end_cost is not None or problem.unknowns or any(problem.slides)
+    if held or problem.order == 2 or problem.n > 1 or problem.maximise or problem.start.periodic:
         return None
     ends = (problem.start, problem.end)
-    if problem.symbols.kind is not ca.SX or any(problem.slides) or problem.start.periodic:
-        return None
     read = _metric(problem)
     if read is None:
         return None
@@ -243,7 +243,7 @@ def _parted(solution: Solution, problem: Problem, depths: Depths, side: int, end
     """A place on the curve where the metric is regular, and the curve not yet turned."""
     (a, b), sign = problem.span, 1 - 2 * end
     x = problem.span[end] + sign * FARTHEST * (b - a) * np.geomspace(2.0**-30, 1.0, 400)
-    y, v = (np.asarray(solution.curve(x, k), dtype=float)[0] for k in (0, 1))
+    y, v = np.asarray(solution.y(x), dtype=float).reshape(-1), np.asarray(solution.dy(x), dtype=float).reshape(-1)
     u = side * (y - float((problem.start, problem.end)[end].values(1)[0]))
     steep = 1 / (1 + v**2)  # n/(1 + v^2)^(1/2) is the momentum
     serves = (u > 0) & (steep <= RATIO) & (side * sign * v > 0)
