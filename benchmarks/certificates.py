@@ -1,6 +1,9 @@
 """Random problems certified: how many, how narrowly, in what time, and whether any interval misses the truth.
 
     python benchmarks/certificates.py [CONVEX] [OTHER]
+    python benchmarks/certificates.py references
+
+The second command certifies the reference problems, twice each, and prints width and time. The first:
 
 Convex: quadratics with a closed form, and functionals of which a polynomial Y is made the extremal,
 
@@ -32,6 +35,7 @@ import numpy as np
 
 import varcalc as vc
 from varcalc.certificates import ProvedInterval
+from varcalc.study.reference import catalogue, load
 from varcalc.symbolic.instructions import Program
 from varcalc.symbolic.tracing import as_written
 
@@ -310,7 +314,43 @@ def sphere(random: np.random.Generator) -> tuple[vc.Problem, Any]:
     return problem, (radius * mpmath.acos(mpmath.mpf(inner) / radius**2)) ** 2 / 2
 
 
-FAMILIES: dict[str, Callable[[np.random.Generator], tuple[vc.Problem, Any]]] = {
+def ring(random: np.random.Generator) -> tuple[vc.Curve, Any]:
+    """The area that a length encloses in a metric that is the same everywhere, or the length round an area."""
+    a, b, c, level = (float(v) for v in random.uniform([0.7, 0.7, -0.2, 0.3], [1.5, 1.5, 0.2, 3.0]))
+    free, size = vc.Periodic(), 4 * mpmath.pi * mpmath.sqrt(mpmath.mpf(a) * b - mpmath.mpf(c) ** 2)
+
+    def length(q: Any, v: Any) -> Any:
+        return ca.sqrt(a * v[0] ** 2 + b * v[1] ** 2 + 2 * c * v[0] * v[1])
+
+    def area(q: Any, v: Any) -> Any:
+        return (q[0] * v[1] - q[1] * v[0]) / 2
+
+    if random.random() < 0.5:
+        problem = vc.Curve(area, free, free, [vc.Isoperimetric(length, level)], maximise=True)
+        return problem, mpmath.mpf(level) ** 2 / size
+    return vc.Curve(length, free, free, [vc.Isoperimetric(area, level)]), mpmath.sqrt(size * level)
+
+
+def powered(random: np.random.Generator) -> tuple[vc.Problem, Any]:
+    """int k u^-s ds from the line u = 0: u = a sin(phi)^(1/s), and incomplete beta functions for all else."""
+    s, across, depth, k = (float(v) for v in random.uniform([0.1, 0.3, 0.3, 0.2], [0.8, 4.0, 3.0, 5.0]))
+    problem = vc.Problem(lambda x, y, v: k * y**-s * ca.sqrt(1 + v**2), vc.Fixed(0, 0), vc.Fixed(across, depth))
+    X, m = mpmath.mpf(across), 1 / mpmath.mpf(s)
+
+    def sines(power: Any, angle: Any) -> Any:
+        """The integral of sin^power from 0 to an angle."""
+        p, q = (power + 1) / 2, mpmath.mpf(1) / 2
+        part = mpmath.betainc(p, q, 0, mpmath.sin(angle) ** 2) / 2
+        return part if angle <= mpmath.pi / 2 else mpmath.beta(p, q) - part
+
+    def missed(angle: Any) -> Any:
+        return m * sines(m, angle) / mpmath.sin(angle) ** m - X / depth
+
+    angle = mpmath.findroot(missed, (0.001, 3.141), "anderson", tol=1e-70, maxsteps=1000)
+    return problem, k * m * (X / (m * sines(m, angle))) ** (1 - mpmath.mpf(s)) * sines(m - 2, angle)
+
+
+FAMILIES: dict[str, Callable[[np.random.Generator], tuple[Any, Any]]] = {
     "quadratic": quadratic,
     "convex": lambda random: made(random, convex=True),
     "oscillator": oscillator,
@@ -325,10 +365,12 @@ FAMILIES: dict[str, Callable[[np.random.Generator], tuple[vc.Problem, Any]]] = {
     "spectrum": spectrum,
     "sphere": sphere,
     "bounded": bounded,
+    "ring": ring,
+    "powered": powered,
 }
 """The families by name; of the first two all are convex."""
-MORE = 100
-"""Problems of each of the last families."""
+MORE, FEW = 100, 40
+"""Problems of each of the other families, and of the last two, which take longest."""
 
 
 def outcome(family: str, seed: int) -> dict[str, Any]:
@@ -398,6 +440,26 @@ def summary() -> Iterator[str]:
         yield f"{family}: {counts}; {spread}"
 
 
+def references() -> None:
+    """Certify the reference problems and print a line for each, then medians; times are the better of two."""
+    widths, times = [], []
+    for reference in (r for name in catalogue() for r in load(name)):
+        solution, spent = vc.solve(reference.problem), []
+        try:
+            for _ in range(2):
+                began = time.process_time()
+                certificate = vc.certify(solution)
+                spent.append(time.process_time() - began)
+        except vc.VariationalError as refusal:
+            print(f"{reference.name:32s} {refusal}")
+            continue
+        widths.append(certificate.width / (abs(certificate.upper) or 1.0))
+        times.append(min(spent))
+        print(f"{reference.name:32s} {widths[-1]:8.1e} {1e3 * times[-1]:7.1f} ms  {certificate.scope.value}")
+    spread = f"median width {np.median(widths):.1e}, widest {max(widths):.1e}"
+    print(f"{len(times)} certified: {spread}; median {1e3 * np.median(times):.1f} ms, worst {max(times):.2f} s")
+
+
 def near(problems: Iterator[tuple[float, vc.Problem]]) -> list[tuple[float, float, float]]:
     """Distances, widths (not a number where refused) and times as something ceases to exist."""
     found = []
@@ -456,7 +518,8 @@ def chart() -> None:
 def main(convex: int, other: int) -> None:
     """Add to the record, print the counts of each family, and draw the chart."""
     with mpmath.workdps(DIGITS):
-        counts = [convex // 2, convex - convex // 2, other // 2, other - other // 2, *[MORE] * (len(FAMILIES) - 4)]
+        counts = [convex // 2, convex - convex // 2, other // 2, other - other // 2]
+        counts += [MORE] * (len(FAMILIES) - 6) + [FEW, FEW]
         for family, count in zip(FAMILIES, counts, strict=True):
             campaign(family, count)
     for line in summary():
@@ -465,4 +528,7 @@ def main(convex: int, other: int) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:3])) if len(sys.argv) > 2 else main(10_000, 2_000)
+    if sys.argv[1:] == ["references"]:
+        references()
+    else:
+        main(*map(int, sys.argv[1:3] or (10_000, 2_000)))
