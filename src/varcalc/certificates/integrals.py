@@ -17,7 +17,7 @@ from varcalc.certificates.statement import Statement
 
 TERMS = 20
 """Order of the Taylor forms of integrals."""
-MOST_BOXES, MOST_ALONG = 600, 3000
+MOST_TRIED, MOST_ALONG = 600, 3000
 """Boxes tried after which no proof is looked for: of a part of the curve, and of all of it while they lead on."""
 SLIVER = 2.0**-48
 """Length of a box, relative to where it lies, up to which H may switch anywhere in it: it is taken on either side."""
@@ -76,7 +76,7 @@ def along_curve(
                 boxes.append((k, box))
                 done += 2.0 * float(box.unit) / length
                 waiting += [] if after is None else [after]
-            elif tried > max(MOST_BOXES, done * MOST_ALONG) or box.narrow:
+            elif tried > max(MOST_TRIED, done * MOST_ALONG) or box.narrow:
                 raise Unproved(f"the Lagrangian is not enclosed near {box.at:.6g}: {reason}")
             else:
                 apart = found is None and first.width == 1
