@@ -7,6 +7,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from varcalc import optics
 
@@ -138,3 +139,46 @@ def test_a_graded_index_of_layers_in_any_direction_is_searched_as_layers(up: tup
     assert [ray.tangents[0] @ ahead for ray in own] == pytest.approx([math.sqrt(1 - sine**2)], rel=1e-13)
     assert rays.unresolved == 0
     assert max(ray.error for ray in rays) < 1e-11
+
+
+@pytest.mark.parametrize("order", [(0, 1, 0, 1), (1, 0, 1, 0, 1), (0, 1, 2, 0, 1, 2)])
+def test_each_order_of_reflections_from_balls_has_its_one_ray(order: tuple[int, ...]) -> None:
+    """Between convex mirrors that do not hide each other the length is convex in the points: there is one ray.
+
+    Each reflection narrows the directions that come to it some tenfold.
+    """
+    middles, radius = np.array([[0.0, 0.0], [4.0, 0.3], [1.7, 4.0]]), 0.8
+    source, receiver = np.array([-1.1, 1.9]), np.array([4.9, 2.2])
+
+    def length(angles: np.ndarray) -> float:
+        on = middles[list(order)] + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        return float(np.linalg.norm(np.diff(np.vstack([source, on, receiver]), axis=0), axis=1).sum())
+
+    inward = middles.mean(axis=0) - middles[list(order)]
+    best = minimize(length, np.arctan2(inward[:, 1], inward[:, 0]), method="BFGS", options={"gtol": 1e-9})
+    mirrors = [optics.Sphere(tuple(middles[k]), radius, mirror=True) for k in order]
+    [ray] = optics.Scene(optics.Uniform(1.0), mirrors).rays(source, receiver)
+    assert ray.optical_path == pytest.approx(best.fun, rel=1e-12)
+
+
+@pytest.mark.parametrize(("seed", "reflections"), [(0, 3), (0, 4), (9, 4)])
+def test_all_rays_by_several_reflections_inside_an_ellipse(seed: int, reflections: int) -> None:
+    """Rays that come past a focus are turned all round within a thousandth of their directions."""
+    rng = np.random.default_rng(seed)
+    long, source, receiver = rng.uniform(1.5, 3), rng.uniform(-0.6, 0.6, 2), rng.uniform(-0.6, 0.6, 2)
+    shape = np.diag([1 / long**2, 1.0])
+    angles = np.linspace(0.1, 0.1 + 2 * np.pi, 1_000_001)
+    place, ahead = np.tile(source, (len(angles), 1)), np.column_stack([np.cos(angles), np.sin(angles)])
+    for _ in range(reflections):
+        along, bend = np.sum(place @ shape * ahead, axis=1), np.sum(ahead @ shape * ahead, axis=1)
+        rest = np.sum(place @ shape * place, axis=1) - 1
+        place = place + ((np.sqrt(along**2 - bend * rest) - along) / bend)[:, None] * ahead
+        normal = place @ shape / np.linalg.norm(place @ shape, axis=1)[:, None]
+        ahead = ahead - 2 * np.sum(ahead * normal, axis=1)[:, None] * normal
+    off = receiver - place
+    miss = ahead[:, 0] * off[:, 1] - ahead[:, 1] * off[:, 0]
+    met = (miss[1:] * miss[:-1] <= 0) & (np.sum(ahead * off, axis=1)[1:] > 0)
+    mirror = optics.Implicit(lambda x, y: (x / long) ** 2 + y**2 - 1, mirror=True)
+    rays = optics.Scene(optics.Uniform(1.0), [mirror] * reflections).rays(source, receiver, within=100.0)
+    assert len(rays) == np.count_nonzero(met)
+    assert rays.unresolved == 0

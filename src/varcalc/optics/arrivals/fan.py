@@ -14,11 +14,11 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.optics.arrivals.cells import CROSSED, MOVED, PATH, Cells, P, R, between, parted
+from varcalc.optics.arrivals.cells import CROSSED, MOVED, PATH, SLOPE_SHARE, Cells, P, R, between, parted
 from varcalc.optics.media.medium import Field
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.watch import MOST_SEARCHED, MOST_SEARCHED_TOGETHER, NOT_FOLLOWED, Watch, searching
-from varcalc.optics.propagation.sequential import Propagator, UnderWay, stride
+from varcalc.optics.propagation.sequential import Noted, Propagator, UnderWay, stride
 from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, packed, unpacked
 from varcalc.progress import Stage
 
@@ -27,7 +27,7 @@ FIRST_ANGLES = 64
 LOOKS = 16
 """By how many times more directions it is looked for surfaces, for jumps of the index, and for what bends rays."""
 UNFORESEEN = 0.02
-"""Of the scene: rays between two that are farther from where these foretell them have met something narrow."""
+"""Of the scene, or radians: rays between two that are farther from where these foretell them met something narrow."""
 AXES_OFF = 1e-3
 """By so much the first directions are off the axes of the scene."""
 PARTS_OF_INTERVAL = 16
@@ -50,6 +50,8 @@ MOST_DOUBTFUL = 4096
 """Of these intervals at once, for each source; where there are more, they are given up and counted."""
 NOT_ENTERED = -2.0
 """Courses of rays that do not come into the last medium are no larger: each way to end has a number."""
+MOST_TURNED = 0.5
+"""Radians: rays that leave the last surface in directions that are farther apart are no neighbours of one cell."""
 MOST_WINDOWS = 8
 """How often it is looked for windows beside those that were found."""
 STEP_SHARE = 0.25
@@ -217,30 +219,30 @@ class Fan:
         # what was looked at for something narrow alone stays where it found it
         usual = usual | self._unforeseen(source, angles, looks.entry, usual)
         apart = self._apart(looks)
-        through = self._looked(*self._at_windows(looks))
+        through = self._at_windows(looks, np.ones(len(looks), dtype=bool))
         looks = looks.take(np.flatnonzero(usual | np.append(apart, False) | np.append(False, apart)))
         looks = self._closed_in(_FanRays.joined([looks, through]).ordered())
-        for _ in range(MOST_WINDOWS if len(through) else 0):  # beside one there may be others, narrower
-            through = self._looked(*self._at_windows(looks))
+        fresh = np.ones(len(looks), dtype=bool)
+        for _ in range(MOST_WINDOWS if self.propagator.surfaces else 0):  # beside one there may be others, narrower
+            through = self._at_windows(looks, fresh)
             if len(through) == 0:
                 break
-            looks = self._closed_in(_FanRays.joined([looks, through]).ordered())
+            before, looks = looks, self._closed_in(_FanRays.joined([looks, through]).ordered())
+            fresh = ~np.isin(looks.source + 1j * looks.angles, before.source + 1j * before.angles)
         return looks.source, looks.angles, looks.entry
 
     def _looked(self, source: np.ndarray, angles: np.ndarray) -> _FanRays:
         """The rays (m,) at ``angles``, and what became of them."""
         beam, rays = self._entered(source, angles)
         entry = _states(beam)
-        behind = rays.behind
-        assert behind is not None
-        met = np.count_nonzero(np.isfinite(behind[..., 0]), axis=1)
-        ended = NOT_ENTERED - rays.status * (behind.shape[1] + 1) - met
+        assert rays.noted is not None
+        ended = NOT_ENTERED - rays.status * (len(self.propagator.surfaces) + 1) - rays.met
         course = np.where(np.isfinite(entry[:, PATH]), self._course(source, entry), ended)
         lost = ~np.isfinite(course)
         if np.any(lost):
             np.add.at(self.given_up, source[lost], 1)
             course[lost], self._not_followed = NOT_FOLLOWED, True
-        return _FanRays(source, angles, entry, course, behind)
+        return _FanRays(source, angles, entry, course, rays.noted)
 
     def _closed_in(self, looks: _FanRays) -> _FanRays:
         """The ``looks`` and closer ones on either side of directions that part them."""
@@ -257,14 +259,16 @@ class Fan:
             looks = _FanRays.joined([looks, more]).ordered()
         return looks
 
-    def _at_windows(self, looks: _FanRays) -> tuple[np.ndarray, np.ndarray]:
-        """Sources and angles (k,) of rays that a surface turns back between two that get through it, or the reverse.
+    def _at_windows(self, looks: _FanRays, fresh: np.ndarray) -> _FanRays:
+        """Rays (k,) that surfaces lead otherwise than both neighbours, or far apart.
 
         What is left of the normal momentum behind a surface is smooth in the angle, however often a graded medium turns
-        rays on the way: its derivatives tell whether it may come to nothing between two, and the middle, whether it is
-        as they foretell; where it may, or is not, both halves are looked at.
+        rays on the way, and so is how far straight rays pass a surface: the derivatives tell whether it may come to
+        nothing between two, and the middle, whether it is as they foretell; where it may, or is not, both halves are
+        looked at. So they are where rays leave a surface in directions that are too far apart for a cell. What
+        lies between two that are not ``fresh`` (m,) is known.
         """
-        low = np.flatnonzero(looks.source[1:] == looks.source[:-1])
+        low = np.flatnonzero((looks.source[1:] == looks.source[:-1]) & (fresh[1:] | fresh[:-1]))
         found, (left, right) = [looks.take([])], (looks.take(low), looks.take(low + 1))
         met = left.same_way(right)
         left, right = left.take(met), right.take(met)
@@ -277,15 +281,14 @@ class Fan:
                 break
             left, right = left.take(wide), right.take(wide)
             middle = self._looked(left.source, (left.angles + right.angles) / 2)
-            again = middle.doubtful(left, right)
+            coarse = middle.coarse(left, right)
             alike = np.zeros(len(middle), dtype=bool)
             alike[left.same_way(middle)] = True
-            found.append(middle.take(np.flatnonzero(~alike)))
-            again = np.flatnonzero(alike & again)
+            found.append(middle.take(np.flatnonzero(~alike | coarse)))
+            again = np.flatnonzero(alike & (coarse | middle.doubtful(left, right)))
             left, middle, right = left.take(again), middle.take(again), right.take(again)
             left, right = _FanRays.joined([left, middle]), _FanRays.joined([middle, right])
-        every = _FanRays.joined(found)
-        return every.source, every.angles
+        return _FanRays.joined(found)
 
     def _apart(self, looks: _FanRays) -> np.ndarray:
         """True (m - 1,) for neighbouring rays of one source that part: by their course or where they come in.
@@ -483,34 +486,54 @@ class Fan:
 class _FanRays(Rows):
     """m rays of the fan where they come into the last medium: sources, angles, states (m, 10) and courses.
 
-    ``behind`` (m, surfaces, 2) is what is left of their normal momenta behind surfaces, as :class:`UnderWay` has it.
+    What is ``noted`` is what surfaces did to them.
     """
 
     source: np.ndarray
     angles: np.ndarray
     entry: np.ndarray
     course: np.ndarray
-    behind: np.ndarray
+    noted: Noted
 
     def same_way(self, other: _FanRays) -> np.ndarray:
         """The numbers of the rays that come to the same surfaces as those of ``other``, and as far through them."""
-        own, others = self.behind[..., 0], other.behind[..., 0]
-        known = np.isfinite(own)
-        alike = (known == np.isfinite(others)) & ((own > 0) == (others > 0))
-        return np.flatnonzero(np.all(alike, axis=1) & np.any(known, axis=1))
+        own, others = self.noted.behind[..., 0], other.noted.behind[..., 0]
+        alike = np.all((np.isfinite(own) == np.isfinite(others)) & ((own > 0) == (others > 0)), axis=1)
+        return np.flatnonzero(alike & (np.minimum(self.course, -1.0) == np.minimum(other.course, -1.0)))
 
     def doubtful(self, left: _FanRays, right: _FanRays) -> np.ndarray:
         """Where (m,) a surface may do otherwise to rays between ``left`` and ``right``; these are the middle ones."""
-        third = (right.angles - left.angles)[:, None] / 3
-        (low, rise), (high, fall) = np.moveaxis(left.behind, 2, 0), np.moveaxis(right.behind, 2, 0)
+        third = (right.angles - left.angles)[:, None, None] / 3
+        told = [
+            np.concatenate([rays.noted.behind[:, :, None], rays.noted.passing], axis=2) for rays in (left, self, right)
+        ]
+        (low, rise), (middle, _), (high, fall) = (np.moveaxis(one, 3, 0) for one in told)
         # a cubic lies between its control points
         points = np.stack([low, low + third * rise, high - third * fall, high])
         foretold = points[:2].sum(axis=0) / 8 + points[1:3].sum(axis=0) / 4 + points[2:].sum(axis=0) / 8
-        off = np.abs(self.behind[..., 0] - foretold)
+        off = np.abs(middle - foretold)
         with np.errstate(invalid="ignore"):
             parting = (points.min(axis=0) <= 0) & (points.max(axis=0) >= 0)
-            near = np.abs(np.append(points, self.behind[None, ..., 0], axis=0)).min(axis=0) <= SURELY * off
-        return np.any(parting | near, axis=1)
+            near = np.abs(np.append(points, middle[None], axis=0)).min(axis=0) <= SURELY * off
+            # of two on either side of an edge it is known that something is between
+            return np.any((parting | near) & (low * high > 0), axis=(1, 2))
+
+    def coarse(self, left: _FanRays, right: _FanRays) -> np.ndarray:
+        """Where (m,) rays between ``left`` and ``right`` leave a surface too far apart for a cell, or unforeseen.
+
+        These are the middle ones; what is asked is their direction, and how it changes with the launching angle.
+        """
+        width = (right.angles - left.angles)[:, None]
+        (before, low), (middle, here), (after, high) = (
+            np.moveaxis(rays.noted.headings, 2, 0) for rays in (left, self, right)
+        )
+        first, last = (np.remainder(turn + np.pi, 2 * np.pi) - np.pi for turn in (middle - before, after - middle))
+        low, here, high = width * low, width * here, width * high
+        off = np.abs(first - last - (low - high) / 4) / 2
+        off += SLOPE_SHARE * np.abs(1.5 * (first + last) - (low + high) / 4 - here)
+        with np.errstate(invalid="ignore"):
+            far = np.abs([first, last, low, here, high]).max(axis=0) > MOST_TURNED
+            return np.any(far | (off > UNFORESEEN), axis=1)
 
     def ordered(self) -> _FanRays:
         """By source, then by angle."""

@@ -19,7 +19,7 @@ from varcalc.optics.models.jumps import layers_of
 from varcalc.optics.models.linear import Linear
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.models.parabolas import Parabolas
-from varcalc.optics.models.straight import Straight
+from varcalc.optics.models.straight import Straight, StraightRays
 from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.optics.rays.beam import (
     AT_END,
@@ -27,15 +27,19 @@ from varcalc.optics.rays.beam import (
     Arrival,
     Beam,
     RayStatus,
+    Rows,
     at_surface,
     behind,
     caustics_between,
+    headings,
     moved_on,
 )
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry, Surface, touched
 from varcalc.optics.validation import by_chunks
 
+PLANE = 2
+"""Dimensions in which what surfaces do to rays is noted."""
 MOST_KEPT = 16
 """Ends of bundles for which compiled systems are kept."""
 NOT_FOLLOWED = (RayStatus.SINGULAR, RayStatus.TOO_MANY_STEPS, RayStatus.INTERRUPTED)
@@ -72,13 +76,40 @@ def carrier(model: Model | None, medium: Medium, dimension: int, surfaces: Seque
     return last.carrier(medium, dimension, surfaces)
 
 
+@dataclass(frozen=True)
+class Noted(Rows):
+    """What surfaces do to m rays of the plane: values, and last their derivatives by the launching angle.
+
+    Not numbers where rays do not come so far. They are smooth between neighbours, and say where these part.
+
+    Attributes
+    ----------
+    behind : ndarray, shape (m, surfaces, 2)
+        The squares of the normal momenta behind each surface but mirrors, not above 0 where it turns rays back.
+    passing : ndarray, shape (m, media, shapes, 2)
+        How far straight rays pass each shape in each medium, as :meth:`StraightRays.passing` has it.
+    headings : ndarray, shape (m, surfaces, 2)
+        The angles of the directions in which rays leave each surface.
+    """
+
+    behind: np.ndarray
+    passing: np.ndarray
+    headings: np.ndarray
+
+    @classmethod
+    def nothing(cls, rays: int, surfaces: int, shapes: int) -> Noted:
+        """Of rays that have not started."""
+        sizes = ((surfaces,), (surfaces, shapes), (surfaces,))
+        return cls(*(np.full((rays, *size, 2), np.nan) for size in sizes))
+
+
 @dataclass
 class UnderWay:
     """m rays on their way: where they are, the surface each has ``struck`` last, and how it ended or goes on.
 
-    ``rows`` are those that come into the next medium, ``leaving`` (m,) the surfaces from which rays start.
-    ``behind`` (m, surfaces, 2), if it is wanted, are the squares of the normal momenta behind each surface, not above 0
-    where it turns rays back, and their derivatives by the launching angle; not numbers where rays do not come to it.
+    ``rows`` are those that come into the next medium, ``leaving`` (m,) the surfaces from which rays start, ``met`` (m,)
+    how many surfaces of the scene they have come to.
+    What is ``noted`` on the way of rays of the plane is so if it is wanted.
     """
 
     beam: Beam
@@ -86,14 +117,16 @@ class UnderWay:
     status: np.ndarray
     leaving: np.ndarray
     rows: np.ndarray
-    behind: np.ndarray | None = None
+    met: np.ndarray
+    noted: Noted | None = None
 
     @classmethod
     def started(cls, beam: Beam, leaving: np.ndarray | int = NOTHING) -> UnderWay:
         """All rays of ``beam`` in the first medium."""
         arrived = np.full(len(beam), int(RayStatus.ARRIVED))
         nothing = np.full(len(beam), NOTHING)
-        return cls(beam, nothing, arrived, np.broadcast_to(leaving, len(beam)), np.arange(len(beam)))
+        every = np.arange(len(beam))
+        return cls(beam, nothing, arrived, np.broadcast_to(leaving, len(beam)), every, np.zeros(len(beam), dtype=int))
 
     @property
     def alive(self) -> np.ndarray:
@@ -168,6 +201,10 @@ class Propagator:
         for number in range(len(self.media) if media is None else media):
             rows, every = rays.rows, len(rays.rows) == len(rays.status)
             entry = rays.beam if every else rays.beam.take(rows)
+            model = self.models[number]
+            if rays.noted is not None and isinstance(model, StraightRays):
+                leaving = NOTHING if number == 0 else self.shapes[number - 1]
+                rays.noted.passing[rows, number] = model.passing(entry, leaving)
             arrival = self._through(number, entry, limit[rows], rays.leaving[rows], watch)
             if every:
                 rays.beam = arrival.beam
@@ -199,7 +236,8 @@ class Propagator:
     def into_last_medium(self, beam: Beam, limit: np.ndarray, watch: Watch = UNWATCHED) -> UnderWay:
         """The rays where they enter the last medium, or end before."""
         rays = UnderWay.started(beam)
-        rays.behind = np.full((len(beam), len(self.surfaces), 2), np.nan)
+        if self.dimension == PLANE:
+            rays.noted = Noted.nothing(len(beam), len(self.surfaces), len(self.geometries))
         for _ in self.passages(rays, limit, len(self.surfaces), watch):
             pass
         return rays
@@ -312,12 +350,15 @@ class Propagator:
         shape, rows = self.shapes[number], rays.rows
         here = (rays.status[rows] == RayStatus.ARRIVED) & (rays.struck[rows] == shape) & (shape != self.stop)
         rows = rows[here]
+        rays.met[rows] += 1
         before, after = self.fields[number : number + 2]
         mirror = self.surfaces[number].mirror
         come = rays.beam.take(rows)
-        if rays.behind is not None and not mirror:
-            rays.behind[rows, number] = np.stack(behind(come, self.geometries[shape], before, after), axis=1)
+        if rays.noted is not None and not mirror:
+            rays.noted.behind[rows, number] = np.stack(behind(come, self.geometries[shape], before, after), axis=1)
         refracted, total = at_surface(come, self.geometries[shape], before, after, mirror=mirror)
+        if rays.noted is not None:
+            rays.noted.headings[rows, number] = headings(refracted)
         if len(rows) == len(rays.status):
             rays.beam = refracted
         else:

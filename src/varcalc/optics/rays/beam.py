@@ -231,6 +231,14 @@ def behind(beam: Beam, geometry: Geometry, before: SquaredIndex, after: SquaredI
     return under, change[:, 0]
 
 
+def headings(beam: Beam) -> np.ndarray:
+    """The angles of the directions of rays of the plane (m, 2), and their derivatives by the launching angle."""
+    p, turned = beam.momentum, beam.turned[:, 0]
+    with np.errstate(all="ignore"):
+        rate = (p[:, 0] * turned[:, 1] - p[:, 1] * turned[:, 0]) / np.sum(p**2, axis=1)
+    return np.stack([np.arctan2(p[:, 1], p[:, 0]), rate], axis=1)
+
+
 @dataclass(frozen=True)
 class _Met:
     """m rays on a surface of ``normal`` (m, d), with momenta ``into`` (m,) it, and where their neighbours meet it.
