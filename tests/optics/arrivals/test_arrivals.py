@@ -72,6 +72,32 @@ def test_pairs_with_no_end_in_common_are_answered_as_each_is_alone(channel):
     same(channel.arrivals(sources[30:], receivers[30:]), together[30:])
 
 
+def test_pairs_about_a_pointed_centre_are_answered_as_each_is_alone():
+    """What all pairs share reaches closer to the centre of n = 1/(1 + r) than what one pair needs.
+
+    With v = c (1 + 1/r) rays turn by dφ = dv/√(1 - v²) + c dv/((v - c) √(1 - v²)), which is elementary.
+    """
+    scene = optics.Scene(optics.Radial(lambda r: 1 / (1 + r)))
+    sources, receivers = drawn((-2.0, -2.0), (2.0, 2.0), 30, 3), drawn((-2.0, -2.0), (2.0, 2.0), 30, 4)
+    together = scene.arrivals(sources, receivers)
+    assert not any(rays.unresolved for rays in together)
+    same([scene.rays(*pair) for pair in zip(sources[:4], receivers[:4], strict=True)], together)
+    for a, b, rays in zip(sources, receivers, together, strict=True):
+        ray, turn = rays[0], np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
+        r = np.linalg.norm([a, b], axis=1)
+        c = abs(a @ (ray.tangents[0][::-1] * (1, -1))) / (1 + r[0])
+        first, last = _turned(c * (1 + 1 / r), c)
+        turns = a @ ray.tangents[0] < 0 < b @ ray.tangents[1]
+        came = 2 * _turned(1.0, c) - first - last if turns else abs(first - last)
+        assert came == pytest.approx(turn, abs=1e-7)
+
+
+def _turned(v, c):
+    """How far a ray of n = 1/(1 + r) with the invariant c has turned where c (1 + 1/r) = v, but for a constant."""
+    root = np.sqrt((1 - c**2) * (1 - v**2))
+    return np.arcsin(v) - c / np.sqrt(1 - c**2) * np.log((1 - c * v + root) / (v - c))
+
+
 def same(alone, together):
     for one, other in zip(alone, together, strict=False):
         assert (one.unresolved, other.unresolved) == (0, 0)
