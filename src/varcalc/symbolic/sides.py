@@ -295,7 +295,8 @@ class Sides:
         *results, places = (ca.vertcat(*(ca.SX(part.written) for part in column)) for column in found)
         live = frozenset[int]().union(*(part.of for column in found[:-1] for part in column))
         along = ca.vertcat(*(self.symbols[k] for k in self.moving))
-        still = frozenset(k for k in range(len(self)) if not ca.depends_on(places[k], along))
+        # what hangs on no other place moves, as it does wherever it is asked for
+        still = frozenset(k for k, part in enumerate(found[-1]) if part.of and not ca.depends_on(places[k], along))
         return FunctionOnSide(results, places, live, still)
 
     def _on(self, side: Sequence[int], below: Sequence[int] | None, results: slice) -> list[list[_Part]]:
