@@ -137,9 +137,9 @@ class TabledPassages:
             rows = np.flatnonzero((lower == low) & (upper == high))
             own = pair[rows], c[rows], squared[rows], left[rows], scale[rows]
             self._read(low, high, rows, own, out, off)
-        # rays all but aimed at a centre turn beside it, closer than g is looked at, and are told by others
+        # rays aimed at a centre, but not through it, turn closer to it than g is looked at, and are told by others
         aimed = self.passages.aimed(angles)
-        off[aimed[lower[aimed] < 0]] = np.inf
+        off[aimed[(lower[aimed] < 0) & (angles[aimed] < np.pi / 2)]] = np.inf
         return out, off <= agreed[:, :LAYERS], off
 
     def _slopes(self, low: int, high: int) -> tuple[SameSlopes, int, int]:
