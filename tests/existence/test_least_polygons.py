@@ -68,6 +68,6 @@ def test_a_valley_along_a_ceiling_is_found():
 
 def test_curves_that_no_other_is_beside_are_refused():
     """L is no number on any curve, for squares beyond all floats: no lattice has a level beside the line."""
-    ends = vc.Fixed(10, [-3.3, 1e200, 1]), vc.Fixed(10.5, [1e4, 1e4, 0])
-    problem = vc.Problem(lambda x, y, dy: ca.sumsqr(dy) / 2, *ends, maximise=True)
+    ends = vc.Fixed(10, [-3.3, 1e150, 1]), vc.Fixed(10.5, [1e4, 1e4, 0])
+    problem = vc.Problem(lambda x, y, dy: 1e20 * ca.sumsqr(dy), *ends, maximise=True)
     assert vc.solve(problem, throw=False).status is vc.Status.REFUSED

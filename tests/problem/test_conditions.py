@@ -42,6 +42,9 @@ def slope(x: Any, y: Any, dy: Any) -> Any:
         (lambda: vc.Periodic(1, 0), ValueError, "Periodic.x1 must lie right of Periodic.x0"),
         (lambda: vc.At(1.0), TypeError, "At.q must be a sequence of coordinates"),  # type: ignore[arg-type]
         (lambda: vc.At((0, math.inf)), ValueError, r"At.q\[1\] must be finite"),
+        (lambda: vc.Fixed(0, 1e200), ValueError, "Fixed.y is .*, and squares of what is so large overflow"),
+        (lambda: vc.Fixed(-1e200, 0), ValueError, "Fixed.x is .*, and squares of what is so large overflow"),
+        (lambda: vc.Through(0, [1, 1e151]), ValueError, r"Through.y\[1\] is .*use a larger unit"),
         (lambda: vc.OnSurface("x", (0, 0)), TypeError, "OnSurface.phi must be a function"),  # type: ignore[arg-type]
         (lambda: vc.OnSurface(slope, (0, None)), TypeError, "must be a point"),  # type: ignore[arg-type]
         (lambda: vc.OnSurface(slope, 1.0), TypeError, "must be a point"),  # type: ignore[arg-type]

@@ -83,6 +83,9 @@ _NO_NUMBERS = str | bytes | bytearray | bool | np.bool_ | np.complexfloating | c
 MOST_COUNTED = 2**31 - 1
 """What a count may be at most: more of anything no memory holds."""
 
+FARTHEST_OUT = 1e150
+"""The largest coordinate that is taken."""
+
 
 def finite(name: str, value: Any) -> float:
     """``value`` as a float; TypeError or ValueError naming ``name`` otherwise."""
@@ -124,7 +127,15 @@ def numbers(name: str, given: Any) -> np.ndarray:
 
 def coordinate(name: str, value: Any) -> float | Parameter:
     """``value`` as a float, or the :class:`Parameter` it is; TypeError or ValueError naming ``name`` otherwise."""
-    return value if isinstance(value, Parameter) else finite(name, value)
+    return value if isinstance(value, Parameter) else _within_reach(name, value)
+
+
+def _within_reach(name: str, value: Any) -> float:
+    """``value`` as a float whose square is one, as lengths and energies are made of squares."""
+    number = finite(name, value)
+    if abs(number) > FARTHEST_OUT:
+        raise ValueError(f"{name} is {told(value)}, and squares of what is so large overflow; use a larger unit")
+    return number
 
 
 def whole(name: str, value: Any, least: int = 1) -> int:
@@ -174,7 +185,7 @@ def sequence(name: str, value: Any) -> tuple[Any, ...]:
 def components(name: str, value: Any) -> tuple[Any, ...]:
     """``value`` as a tuple of floats, ``None`` where a component is free; a :class:`Parameter` stays what it is."""
     if type(value) in (float, int):
-        return (finite(name, value),)
+        return (_within_reach(name, value),)
     if isinstance(value, str):
         raise TypeError(f"{name} must be a number or a sequence of numbers, not {told(value)}")
     if not is_vector(value):
