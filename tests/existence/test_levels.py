@@ -106,6 +106,15 @@ def test_a_level_that_waves_reach_is_not_said_to_be_out_of_reach(level):
     assert solution.verdict is not vc.Verdict.INFEASIBLE
 
 
+def test_a_square_is_never_less_than_nothing_though_no_graph_makes_it_least():
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2, vc.Fixed(0, 0.3), vc.Fixed(2, -0.6), [vc.Isoperimetric(lambda x, y, v: y**2, -0.2)]
+    )
+    solution = vc.solve(problem, throw=False)
+    assert solution.verdict is vc.Verdict.INFEASIBLE
+    assert "between 0 and inf" in solution.message
+
+
 def test_a_level_out_of_reach_is_told():
     solution = vc.solve(between(lambda x, y, v: v**2 / 2, lambda x, y, v: v**4, -0.1), throw=False)
     assert solution.verdict is vc.Verdict.INFEASIBLE

@@ -26,6 +26,7 @@ from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
+from varcalc.symbolic.convexity import Entry, shapes
 from varcalc.symbolic.evaluation import in_columns
 from varcalc.verify.slopes import vouched
 
@@ -67,7 +68,8 @@ def explained(problem: Functional, failure: Solution) -> Solution:
         if not isinstance(constraint, Isoperimetric):
             continue
         lower, upper = constraint.interval
-        least, greatest = _extreme(problem, constraint, False), _extreme(problem, constraint, True)
+        low, high = _between(problem, constraint)
+        least, greatest = max(low, _extreme(problem, constraint, False)), min(high, _extreme(problem, constraint, True))
         size = max(1.0, abs(upper if math.isfinite(upper) else lower))
         label = f"constraints[{index}] (Isoperimetric)"
         if upper < least - EQUAL * size or lower > greatest + EQUAL * size:
@@ -128,6 +130,21 @@ def _nowhere(problem: Functional, label: str) -> str | None:
         f"{label} = {getattr(problem, label)} slides on no curve: |phi| comes down to {min(least):.4g}, at ({place}), "
         "and not to 0; mend phi"
     )
+
+
+def _between(problem: Functional, constraint: Isoperimetric) -> tuple[float, float]:
+    """What its integrand lies between wherever a curve may run, times the length of the interval.
+
+    A square may come as near to nothing as one likes where no curve makes the least of its integral.
+    """
+    if not isinstance(problem, Problem) or any(problem.slides) or problem.symbols.kind is not ca.SX:
+        return -math.inf, math.inf
+    expression = next(t.expression for t in problem.traced if t.constraint is constraint)
+    s, (a, b) = problem.symbols, problem.span
+    entries: list[list[Entry]] = [[(a, b)], *([None] * symbol.numel() for symbol in (s.y, s.dy, s.ddy))]
+    entries += [[*problem.parameters.values()], [None] * s.unknowns.numel()]
+    ((shape,),) = shapes(ca.Function("level", s.all, [expression]), entries)
+    return (b - a) * shape.low(), (b - a) * shape.high()
 
 
 def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> float:

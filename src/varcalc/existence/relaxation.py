@@ -41,6 +41,8 @@ LEVEL = 1e-3
 """Rise of the chord, relative to its ordinates, that tells nothing of slopes."""
 PIECE_POINTS, POINTS_OVER_JUMPS = 3, 48
 """Gauss points on a piece, and of the value that is told where L switches on the way."""
+FEASIBLE = 1e-8
+"""How nearly conditions are kept by what keeps them."""
 IPOPT_ITERATIONS = 300
 
 
@@ -251,7 +253,10 @@ class _RelaxedProgram:
         low[len(start) : len(start) + count], high[len(start) : len(start) + count] = 0.0, 1.0
         levels = {"lbg": np.concatenate(self._lower), "ubg": np.concatenate(self._upper)}
         result = solver(x0=guess, lbx=low, ubx=high, **levels)
-        if solver.stats()["return_status"] not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
+        # what keeps the conditions is an upper bound, whether or not IPOPT calls it a minimum
+        held = np.asarray(result["g"]).ravel()
+        kept = (held >= levels["lbg"] - FEASIBLE) & (held <= levels["ubg"] + FEASIBLE)
+        if not (kept.all() and np.isfinite(float(result["f"]))):
             return None
         rows = np.asarray(result["lam_g"]).ravel()
         levels = len(list(self.problem.of_type(Isoperimetric)))
