@@ -9,7 +9,7 @@ Wright, "Numerical Optimization", sect. 15.4).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -141,7 +141,7 @@ def _between(problem: Functional, constraint: Isoperimetric) -> tuple[float, flo
         return -math.inf, math.inf
     expression = next(t.expression for t in problem.traced if t.constraint is constraint)
     s, (a, b) = problem.symbols, problem.span
-    entries: list[list[Entry]] = [[(a, b)], *([None] * symbol.numel() for symbol in (s.y, s.dy, s.ddy))]
+    entries: list[Sequence[Entry]] = [[(a, b)], *([None] * symbol.numel() for symbol in (s.y, s.dy, s.ddy))]
     entries += [[*problem.parameters.values()], [None] * s.unknowns.numel()]
     ((shape,),) = shapes(ca.Function("level", s.all, [expression]), entries)
     return (b - a) * shape.low(), (b - a) * shape.high()
