@@ -31,6 +31,7 @@ from varcalc.methods.crossings import (
 from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
+from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -221,9 +222,9 @@ def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solu
 def _broken_in_valley(
     problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing], bent: Sequence[float]
 ) -> Solution | None:
-    """The same near ``curve``: an interior-point method may leave the valley it begins in, on coarse meshes seldom."""
+    """The same near ``curve``: IPOPT may leave it beside a level, whose multiplier it does not know."""
     solution = _broken_at(problem, method, tol, curve, found, bent)
-    if solution is None or solution.curve is None or not method.refine:
+    if solution is None or solution.curve is None or not (method.refine and any(problem.of_type(Isoperimetric))):
         return solution
     begun, ended = (summed_along(problem, c) for c in (curve, solution.curve))
     if not ended > begun + LEFT_VALLEY * max(abs(begun), abs(ended)):
