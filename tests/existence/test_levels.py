@@ -75,6 +75,17 @@ def test_what_is_not_convex_less_its_level_is_not_proved(lagrangian, level):
     assert "proved convex" not in vc.solve(problem, throw=False).searched
 
 
+@pytest.mark.parametrize("first", ["waypoint", "level"])
+def test_a_waypoint_beside_a_level_has_no_multiplier(first):
+    # parabolas on either side of it: -m/2 x (1 - x) + slopes, of equal halves; y = x (1 - x) keeps both
+    conditions = [vc.Through(0.5, 0.25), vc.Isoperimetric(lambda x, y, v: y, 1 / 6)]
+    ends = vc.Fixed(0, 0), vc.Fixed(1, 0)
+    solution = vc.solve(
+        vc.Problem(lambda x, y, v: ca.exp(0 * y) * v**2, *ends, conditions[:: 1 if first == "waypoint" else -1])
+    )
+    assert solution.value == pytest.approx(1 / 3, abs=1e-10)
+
+
 @pytest.mark.parametrize("power", [2, 4])
 @pytest.mark.parametrize("height", [0.0, 0.5])
 def test_a_tent_is_least_of_all_that_are_so_long(power, height):

@@ -65,12 +65,14 @@ class KeepingLevel(AlongAxes):
     def _parts(self, x: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What pieces between nodes (1, K + 1, S, k) add to the functional, and to the level, (K, S, S)."""
 
-        def told(number: int, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+        def told(x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
             rows = (list(np.moveaxis(t @ self.axes, -1, 0)) for t in (y, v))
-            values = self.departures.beside_level(self._level, x, *rows)[number]
-            return np.broadcast_to(values, np.broadcast_shapes(x.shape, y.shape[:-1], v.shape[:-1]))
+            shape = np.broadcast_shapes(x.shape, y.shape[:-1], v.shape[:-1])
+            return np.stack(
+                [np.broadcast_to(part, shape) for part in self.departures.beside_level(self._level, x, *rows)]
+            )
 
-        costs, summed = (polygon_costs(partial(told, number), x, nodes)[0] for number in (0, 1))
+        costs, summed = polygon_costs(told, x, nodes)[:, 0]
         admitted = np.isfinite(summed)
         return np.where(admitted, costs, np.inf), np.where(admitted, summed, 0.0)
 
@@ -115,7 +117,7 @@ class SummedPaths:
 
     def _path(self, row: int, node: int, place: int) -> np.ndarray:
         """The path by a node with the sum at a ``place``."""
-        path, at, k = [node], (node, place), row
+        path, at = [node], (node, place)
         for k in range(row, 0, -1):
             before = int(self._before[k][1][at])
             at = before, at[1] - int(self._shifts[k - 1][before, at[0]])

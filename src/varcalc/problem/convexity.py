@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 
@@ -34,7 +35,7 @@ def proved_jointly_convex(problem: Functional) -> bool:
     return _proved(problem, problem.span, tuple(problem.parameters.values()))
 
 
-def proved_with_levels(problem: Functional, multipliers: Sequence[float]) -> bool:
+def proved_with_levels(problem: Functional, multipliers: Sequence[Any]) -> bool:
     """Whether an extremal is least because L, less each level times its one of the ``multipliers``, is proved convex.
 
     One multiplier a constraint is that of the extremal. What keeps the levels then sums no less than the extremal, as
@@ -42,11 +43,15 @@ def proved_with_levels(problem: Functional, multipliers: Sequence[float]) -> boo
     """
     if any(problem.slides) or problem.symbols.kind is not ca.SX or problem.end_cost_expression is not None:
         return False
-    levels = [(t, m) for t, m in zip(problem.traced, multipliers, strict=False) if _is_level(t)]
-    if not levels or len(levels) < len(problem.traced) or any(abs(m) < SURELY_HELD for _, m in levels):
+    held = dict(zip(map(id, problem.constraints), multipliers, strict=False))  # waypoints have none, and are not traced
+    levels = [(t, held.get(id(t.constraint))) for t in problem.traced if _is_level(t)]
+    if not levels or len(levels) < len(problem.traced):
+        return False
+    sure = [(t, m) for t, m in levels if isinstance(m, float | int) and abs(m) >= SURELY_HELD]
+    if len(sure) < len(levels):
         return False
     s = problem.symbols
-    summed = problem.integrand - sum(m * t.expression for t, m in levels)
+    summed = problem.integrand - sum(m * t.expression for t, m in sure)
     curve: list[list[Entry]] = [[None] * symbol.numel() for symbol in (s.y, s.dy, s.ddy)]
     entries = [[problem.span], *curve, [*problem.parameters.values()], [None] * s.unknowns.numel()]
     ((shape,),) = shapes(ca.Function("L", s.all, [summed]), [list(row) for row in entries])
