@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.directions import CurveOrSlope, polygonal
+from varcalc.existence.levelled_polygons import Alternating
 from varcalc.existence.relaxation import Relaxed, applies, relaxed
 from varcalc.formulation import broken_form, formulate
 from varcalc.methods.ritz.method import Ritz
@@ -41,6 +42,8 @@ SLOPES_LOOKED_AT = np.concatenate([-(2.0 ** np.arange(6, -13, -0.5)), [0.0], 2.0
 """Slopes at which convexity is looked at: in units of 1 and of the chord's slope, about 0 and about the latter."""
 VALUE_ROUND_OFF = 1e-13
 """Of a value of L, relatively."""
+EVENED = 0.25, 0.5, 0.25
+"""Weights by which what is rough is evened out: a lattice has few slopes, and neighbouring pieces the most unlike."""
 SURE = 10.0
 """Factor of the relaxed value's own error by which a curve must miss it for the infimum not to be attained."""
 
@@ -65,12 +68,15 @@ def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution
     return refused(failure, Finding(Verdict.NOT_ATTAINED, message))
 
 
-def lower_with_corners(best: Solution, tol: float) -> Solution | None:
-    """A lower minimum with corners, or the known one marked for what finer and finer ones come to; None for neither."""
+def lower_with_corners(best: Solution, tol: float, near: Alternating | None = None) -> Solution | None:
+    """A lower minimum with corners, or the known one marked for what finer and finer ones come to; None for neither.
+
+    They are sought ``near`` a polygon about the known curve where one is given.
+    """
     problem, sign = best.problem, best.problem.sign
     if not (isinstance(problem, Problem) and applies(problem)):
         return None
-    coarse, fine, found = _cornered(problem, tol)
+    coarse, fine, found = _cornered(problem, tol) if near is None else _sought(problem, tol, _about(best, near))
     if coarse is None or fine is None:
         return None
     known = sign * best.value - best.error.value
@@ -101,7 +107,26 @@ def _bent_by_levels(problem: Problem, failure: Solution) -> bool:
 @answered
 def _cornered(problem: Problem, tol: float) -> tuple[Relaxed | None, Relaxed | None, Solution | None]:
     """The relaxed problem on coarse and on fine polygons, and the least minimum with the corners that it shows."""
-    coarse = relaxed(problem, RELAXED_PIECES[0])
+    return _sought(problem, tol, None)
+
+
+def _about(best: Solution, near: Alternating) -> Relaxed:
+    """The polygon of two slopes a piece that departs from a curve so."""
+    assert best.curve is not None
+    away, spreads = near.y.copy(), np.pad(near.spreads, 1, mode="edge")
+    away[1:-1] = np.convolve(near.y, EVENED, mode="valid")
+    spreads = np.convolve(spreads, EVENED, mode="valid")
+    y = best.curve(near.x, 0)[0] + away
+    mean = np.diff(y) / np.diff(near.x)
+    halves = np.full((2, len(mean)), 0.5)
+    return Relaxed(near.value, near.x, y, np.array([mean - spreads, mean + spreads]), halves, np.zeros(0))
+
+
+def _sought(
+    problem: Problem, tol: float, near: Relaxed | None
+) -> tuple[Relaxed | None, Relaxed | None, Solution | None]:
+    """The same, from a polygon that is ``near`` where one is known."""
+    coarse = relaxed(problem, RELAXED_PIECES[0], near)
     fine = None if coarse is None else relaxed(problem, RELAXED_PIECES[1], coarse)
     if coarse is None or fine is None:
         return coarse, fine, None

@@ -31,7 +31,10 @@ SIZED_PLACES = 65
 """Places of the curve by which its size is told."""
 ON_BOUND = 1e-7
 """How far beyond a bound, in units of its own size or 1, a curve may lie that rests on it."""
-
+SHAPE_PLACES, SHAPE_SLOPES = (0.21, 0.5, 0.83), np.sinh(np.linspace(-5.0, 5.0, 15))
+"""Where on the way, and at what slopes in units of the curve's, it is asked how functions bend in the slope."""
+BEND_ALIKE, BENDS_ROUNDED = 1 - 1e-6, 1e-12
+"""Cosine from which on two functions bend alike; what round-off makes of none, in units of their values."""
 SLACK = 1e-10
 """Multiplier of a level that does not hold the curve."""
 CurveOrSlope = Callable[[np.ndarray, int], np.ndarray]
@@ -150,6 +153,26 @@ class Departures:
     def levels(self) -> list[Isoperimetric]:
         """What is levelled, one after the other."""
         return list(self.problem.of_type(Isoperimetric))
+
+    def mixed_by_level(self, number: int) -> bool:
+        """Whether slopes of one function that alternate may be lower beside one level, by its number.
+
+        Where L and what is levelled bend alike in the slope, their sum with any multiplier is convex or concave in it,
+        and no two slopes come lower than one.
+        """
+        if self.problem.n > 1:
+            return False
+        x = np.quantile(self.span, SHAPE_PLACES)[:, None]
+        own, slopes = (np.abs(self.curve(x.ravel(), k)).max() for k in (0, 1))
+        size = float(max(slopes, own / (self.span[1] - self.span[0]))) or 1.0
+        with np.errstate(all="ignore"):  # at some slopes there is no number
+            parts = self.beside_level(number, x, [np.zeros_like(x)], [size * SHAPE_SLOPES])
+            rows = np.stack(np.broadcast_arrays(*parts))
+            bends = np.nan_to_num(np.diff(np.diff(rows) / np.diff(SHAPE_SLOPES)), posinf=0.0, neginf=0.0)
+        sizes = np.linalg.norm(bends, axis=-1)  # (2, places)
+        rounded = BENDS_ROUNDED * np.abs(np.nan_to_num(rows, posinf=0.0, neginf=0.0)).max(-1)
+        alike = np.abs((bends[0] * bends[1]).sum(-1)) >= BEND_ALIKE * sizes[0] * sizes[1]
+        return bool((~alike & (sizes > rounded).all(0)).any())
 
     def beside_level(self, number: int, x: np.ndarray, away: Rows, rates: Rows) -> tuple[np.ndarray, np.ndarray]:
         """What ``values`` are without one level, by its number, and what is levelled by it."""

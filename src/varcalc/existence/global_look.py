@@ -46,7 +46,7 @@ from varcalc.verify.slopes import concave_beside
 
 if TYPE_CHECKING:
     from varcalc.existence.directions import AlongDirection
-    from varcalc.existence.levelled_polygons import LevelledPolygons
+    from varcalc.existence.levelled_polygons import Alternating, LevelledPolygons
     from varcalc.existence.together import Looked
 
 FOLLOWED, FOLLOWED_ACROSS, FOLLOWED_IN_DIRECTIONS = 3, 4, 4
@@ -143,7 +143,7 @@ def looked_around(solution: Solution, polish: Polish, tol: float, *, followed: b
         if lower is None or lower.local:
             lower = (_lower(best, seen, polish) if graph else _lower_in_directions(best, seen, way)) or lower
         if lower is None or lower.local:
-            lower = _with_corners(best, tol) or lower
+            lower = _with_corners(best, tol, seen.alternating) or lower
         if lower is None or not lower.status.ok or lower.local or not followed:
             return _told(best, lower, seen.sentence)
         best = replace(lower, method=solution.method)
@@ -152,13 +152,16 @@ def looked_around(solution: Solution, polish: Polish, tol: float, *, followed: b
     return replace(best, local=True, message=message, searched=seen.sentence)
 
 
-def _with_corners(best: Solution, tol: float) -> Solution | None:
-    """A lower solution with corners, or the known one marked for many; None for neither, as where L is convex."""
-    if best.problem.n > 1 or not concave_beside(best):
+def _with_corners(best: Solution, tol: float, near: Alternating | None) -> Solution | None:
+    """A lower solution with corners, or the known one marked for many; None for neither, as where L is convex.
+
+    Slopes that alternate may have been seen to be lower ``near`` a polygon.
+    """
+    if best.problem.n > 1 or (near is None and not concave_beside(best)):
         return None
     from varcalc.existence.corners import lower_with_corners  # few problems need them
 
-    return lower_with_corners(best, tol)
+    return lower_with_corners(best, tol, near)
 
 
 @dataclass
@@ -179,6 +182,7 @@ class _LookedAt:
     instead: str = ""
     levelled: bool = False
     unfollowed: bool = False
+    alternating: Alternating | None = None
 
     @property
     def sentence(self) -> str:
@@ -335,6 +339,10 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
         else:
             box = together(pairs)
         levelled = _keeping_levels(best, pairs)
+        seen.alternating = min(
+            (t.alternating for t in levelled if t.alternating is not None and t.may_be_lower(best)),
+            key=lambda found: found.value, default=None,
+        )  # fmt: skip
         bent = cheaper_ends(best)
         found += [valley for lattice in (box, bent) for valley in _across(lattice)]
     if len(found) > FOLLOWED_IN_DIRECTIONS:
@@ -363,7 +371,10 @@ def _keeping_levels(best: Solution, looked: Sequence[Looked]) -> list[LevelledPo
         return []
     lattices = [lattice for _, *both in looked for lattice in both if lattice is not None]
     lower = any(v.value < t.own_value - NONE_LOWER * t.summed for t in lattices for v in t.valleys())
-    if not lower and len(looked[0][0].shares) == 1:  # of several functions lattices along directions hold few
+    departures = looked[0][0].departures
+    # of several functions lattices along directions hold few, and none holds what alternates between two slopes
+    few = len(departures.axes) > 1 or any(map(departures.mixed_by_level, range(len(departures.levels))))
+    if not (lower or few):
         return []
     from varcalc.existence.levelled_polygons import keeping_levels  # few problems come to this
 

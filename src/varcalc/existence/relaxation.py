@@ -16,6 +16,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.optimize import brentq
 
 from varcalc.existence.directions import end_cost
 from varcalc.existence.relaxed_polygons import least_relaxed
@@ -44,6 +45,8 @@ PIECE_POINTS, POINTS_OVER_JUMPS = 3, 48
 FEASIBLE = 1e-8
 """How nearly conditions are kept by what keeps them."""
 IPOPT_ITERATIONS = 300
+FACTORS = 2.0 ** np.arange(-6.0, 7.0)
+"""Factors by which two slopes are drawn apart, or together."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,11 @@ def relaxed(problem: Problem, pieces: int, near: Relaxed | None = None) -> Relax
     One that is known is where it starts, if it is given.
     """
     program = _RelaxedProgram(problem, pieces)
-    found = [] if near is None else [program.solved(program.beside(near))]
+    found: list[Relaxed | None] = []
+    if near is not None:
+        start = program.keeping_level(program.beside(near))
+        # what keeps the level is an upper bound as it is, wherever IPOPT goes from it
+        found = [program.solved(start), *([program.read(start)] if program.misses(start) <= FEASIBLE else [])]
     if not any(found):
         found = [program.solved(start) for start in program.starts()]
     reached = [f for f in found if f is not None]
@@ -149,6 +156,7 @@ class _RelaxedProgram:
             self._aim = self._totals(self._rounded_off(), placed, share, steep)[0] + added
             value = self._totals(self._values, placed, share, steep, POINTS_OVER_JUMPS)[0] + added
         self._rows, self._value = ca.vertcat(*rows), ca.Function("J", [self._w], [value])
+        self._told = ca.Function("rows", [self._w], [self._rows])
 
     def _bounded(self, interval: tuple[float, float], count: int) -> None:
         self._lower.append(np.full(count, interval[0]))
@@ -206,6 +214,39 @@ class _RelaxedProgram:
         y = np.interp(self.x, known.x, known.y)
         return self._start(y, known.shares[0, piece], *(known.slopes[:, piece] / self.steep))
 
+    def keeping_level(self, start: np.ndarray) -> np.ndarray:
+        """The start with its slopes drawn apart until they sum the level on the way; itself where none do, or many."""
+        inner, levels = int(self.free.sum()), list(self.problem.of_type(Isoperimetric))
+        y = self.line.copy()
+        y[self.free] = start[:inner] * self.height
+        share, steep, shallow = start[inner:].reshape(3, self.pieces)
+        mean = np.diff(y) / (np.diff(self.x) * self.steep)
+        apart = steep - shallow
+
+        def drawn(factor: float) -> np.ndarray:
+            return np.concatenate(
+                [start[:inner], share, mean + (1 - share) * factor * apart, mean - share * factor * apart]
+            )
+
+        if len(levels) != 1 or not levels[0].equality:
+            return drawn(1.0)
+
+        def missed(factor: float) -> float:
+            return float(self._told(ca.DM(drawn(factor)))[self.pieces]) - levels[0].interval[0]
+
+        sides = np.sign([missed(factor) for factor in FACTORS])
+        changes = np.flatnonzero(sides[1:] * sides[:-1] < 0)
+        if not len(changes):
+            return drawn(1.0)
+        nearest = changes[np.argmin(np.abs(changes - len(FACTORS) // 2))]
+        return drawn(brentq(missed, *FACTORS[nearest : nearest + 2], xtol=1e-15, rtol=1e-14))
+
+    def misses(self, w: np.ndarray) -> float:
+        """By how much what is required is missed at most."""
+        held = np.asarray(self._told(ca.DM(w))).ravel()
+        low, high = np.concatenate(self._lower), np.concatenate(self._upper)
+        return float(np.maximum(low - held, held - high).max(initial=0.0))
+
     def _between_touched(self, y: np.ndarray, places: np.ndarray) -> np.ndarray:
         """The start whose slopes are those that the convex envelope touches L at, at one place for each piece."""
         slopes = np.diff(y) / (np.diff(self.x) * self.steep)
@@ -254,15 +295,16 @@ class _RelaxedProgram:
         levels = {"lbg": np.concatenate(self._lower), "ubg": np.concatenate(self._upper)}
         result = solver(x0=guess, lbx=low, ubx=high, **levels)
         # what keeps the conditions is an upper bound, whether or not IPOPT calls it a minimum
-        held = np.asarray(result["g"]).ravel()
-        kept = (held >= levels["lbg"] - FEASIBLE) & (held <= levels["ubg"] + FEASIBLE)
-        if not (kept.all() and np.isfinite(float(result["f"]))):
+        if not (self.misses(np.asarray(result["x"]).ravel()) <= FEASIBLE and np.isfinite(float(result["f"]))):
             return None
         rows = np.asarray(result["lam_g"]).ravel()
         levels = len(list(self.problem.of_type(Isoperimetric)))
-        return self._read(np.asarray(result["x"]).ravel(), rows[self.pieces : self.pieces + levels] * (size or 1.0))
+        return self.read(np.asarray(result["x"]).ravel(), rows[self.pieces : self.pieces + levels] * (size or 1.0))
 
-    def _read(self, w: np.ndarray, prices: np.ndarray) -> Relaxed:
+    def read(self, w: np.ndarray, prices: np.ndarray | None = None) -> Relaxed:
+        """What numbers stand for; levels of no known price have none."""
+        levels = len(list(self.problem.of_type(Isoperimetric)))
+        prices = np.zeros(levels) if prices is None else prices
         inner = int(self.free.sum())
         y = self.line.copy()
         y[self.free] = w[:inner] * self.height
