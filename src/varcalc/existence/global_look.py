@@ -333,24 +333,23 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
             found += _across(across)
         if bends:
-            box, fall = _least_bent(pairs)
+            bent, fall = _least_bent(pairs)
             if fall is not None:
                 return _on_fall(best, fall)
-        else:
-            box = together(pairs)
+        boxes: list[Valleys] = ([] if bent is None else [bent]) if bends else [*together(pairs)]
         levelled = _keeping_levels(best, pairs)
         seen.alternating = min(
             (t.alternating for t in levelled if t.alternating is not None and t.may_be_lower(best)),
             key=lambda found: found.value, default=None,
         )  # fmt: skip
-        bent = cheaper_ends(best)
-        found += [valley for lattice in (box, bent) for valley in _across(lattice)]
+        ends = cheaper_ends(best)
+        found += [valley for lattice in (*boxes, ends) for valley in _across(lattice)]
     if len(found) > FOLLOWED_IN_DIRECTIONS:
         found = list(_closer(best, found))
     found = sorted(found, key=lambda f: f[0])[:FOLLOWED_IN_DIRECTIONS]
     # how low a coarse polygon lies that keeps a level tells less than that it does
     found += [valley for lattice in levelled for valley in _across(lattice)]
-    seen.together, seen.ends = seen.together or box is not None, seen.ends or bent is not None
+    seen.together, seen.ends = seen.together or bool(boxes), seen.ends or ends is not None
     seen.levelled = seen.levelled or bool(levelled)
     if polish is None:
         seen.unfollowed = bool(found)

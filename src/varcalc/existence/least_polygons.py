@@ -99,8 +99,8 @@ def _on_lattices(departures: Departures, unit: float | None) -> tuple[np.ndarray
                 lowest = sorted(lattice.valleys(), key=lambda v: v.value)[:MOST]
                 found += [(v.value, v(x)[0][:, None] * (own @ along.shares)) for v in lowest]
                 steps.append(np.median(np.diff(lattice.nodes, axis=1)))
-    box = together([(*pair, other) for pair, other in zip(looked, across, strict=True)])
-    found += [] if box is None else [(v.value, v(x).T) for v in box.distinct()[:MOST]]
+    boxes = together([(*pair, other) for pair, other in zip(looked, across, strict=True)])
+    found += [(v.value, v(x).T) for box in boxes for v in box.distinct()[:MOST]]
     found.sort(key=lambda f: f[0])
     step = float(min(steps)) * np.ones(len(axes))
     return axes, x, np.array([polygon for _, polygon in found[: 2 * MOST]]), step

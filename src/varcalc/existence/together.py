@@ -8,6 +8,7 @@ steps (Luus, "Iterative Dynamic Programming", 2000, ch. 3): what they end in is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
@@ -36,6 +37,8 @@ MOST_TOGETHER = (160, 60), (40, 20), (12, 12)
 """Polygons that are moved, the lowest first, each time with half the step, each pair on twice as many pieces."""
 WORTH_TOGETHER = 0.05
 """How far above the known curve's polygon one may lie to be followed, in units of what that one sums."""
+ABOUT, FAR_APART = 2.0, 3.0
+"""How far a box about the known curve goes, in extents, and the range of another, in such units, that asks for it."""
 SAME = 0.5
 """Steps by which two polygons differ at most that are one."""
 
@@ -166,24 +169,30 @@ Looked = tuple[AlongDirection, Lattice, Lattice | None]
 """A direction that was looked along: the lattice about the curve, and one across hills and wells if some were seen."""
 
 
-def together(looked: Sequence[Looked]) -> PolygonsTogether | None:
-    """The polygons of all axes at once, as far out as hills and wells were seen along the directions; None for none."""
+def together(looked: Sequence[Looked]) -> list[PolygonsTogether]:
+    """The polygons of all axes at once, as far out as hills and wells were seen along the directions; none for none.
+
+    Where those were seen far out there are also the ones about the known curve: a box has few levels.
+    """
     several = len({tuple(along.shares.tolist()) for along, _, _ in looked}) > 1
     if not several or all(across is None for _, _, across in looked):
-        return None
-    box = in_box(AlongAxes, looked)
-    return None if box is None else PolygonsTogether(*box)
+        return []
+    near = ABOUT * max(along.extent(about.c) for along, about, _ in looked)
+    _, _, low, high = ranges(AlongAxes, looked)
+    rooms = [math.inf, near] if (high - low).max() > FAR_APART * near else [math.inf]
+    boxes = (in_box(AlongAxes, looked, room) for room in rooms)
+    return [PolygonsTogether(*box) for box in boxes if box is not None]
 
 
 def in_box(
-    kind: Callable[[Departures, np.ndarray], _Kind], looked: Sequence[Looked]
+    kind: Callable[[Departures, np.ndarray], _Kind], looked: Sequence[Looked], room: float = math.inf
 ) -> tuple[_Kind, np.ndarray, np.ndarray, np.ndarray] | None:
     """A landscape of a ``kind``, vertices, curves through a box as large as what was looked along, and its steps.
 
-    None where no curve is admitted.
+    It goes no farther than a ``room``. None where no curve is admitted.
     """
     landscape, x, low, high = ranges(kind, looked)
-    levels = landscape.levels(low, high)
+    levels = landscape.levels(np.maximum(low, -room), np.minimum(high, room))
     steps = np.array([landscape.step(row) for row in levels])
     starts = landscape.starts(x, levels, lambda: _in_their_directions(x, _axes(looked)[1], looked))
     if not len(starts):
