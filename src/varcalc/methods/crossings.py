@@ -42,7 +42,7 @@ MOST_PLACED = 6
 STEPS_ONTO_SWITCH, BESIDE_SWITCH = 8, 1e-9
 """Steps of Newton's method to one, and how near, in units of the ordinate and the interval, it comes to it."""
 CLOSER_LOOKS, PLACES_A_LOOK = 6, 129
-"""Looks that narrow a crossing down, and places at each: to a part in 1e12 of an element."""
+"""Looks that narrow crossings down, and places at each: to a part in 1e12 of an element."""
 
 
 @dataclass(frozen=True)
@@ -186,12 +186,16 @@ def _of_one(
         if long and not (switch.jumps or switch.smooth) and _lingers(values[run], x[run], across):
             found.append(Crossing(switch, float(x[run[0]]), until=float(x[run[-1]])))
     known = np.flatnonzero(side != 0.0) if not switch.stepped else np.arange(len(x))
+    between: list[tuple[float, float, float]] = []
     for i, j in pairwise(known.tolist()):
-        if side[i] == side[j] or any(c.until is not None and c.x <= x[j] and x[i] <= c.until for c in found):
+        if side[i] == side[j] or any(c.x <= x[j] and x[i] <= c.until for c in found if c.until is not None):
             continue
         low, high = sorted((int(side[i]), int(side[j])))
-        levels = range(low + 1, high + 1)[: max(MOST_LEVELS - len(found), 0)] if switch.stepped else (0,)
-        found += [Crossing(switch, _place(at, level, float(x[i]), float(x[j])), float(level)) for level in levels]
+        levels = range(low + 1, high + 1)[: max(MOST_LEVELS - len(between), 0)] if switch.stepped else (0,)
+        between += [(float(level), float(x[i]), float(x[j])) for level in levels]
+    if between:
+        places = _placed(at, *np.array(between).T)
+        found += [Crossing(switch, place, level) for place, (level, *_) in zip(places.tolist(), between, strict=True)]
     return found
 
 
@@ -213,13 +217,16 @@ def _lingers(values: np.ndarray, x: np.ndarray, across: float) -> bool:
     return bool(pace < STRAIGHT * across)
 
 
-def _place(at: Callable[[np.ndarray], np.ndarray], level: float, low: float, high: float) -> float:
-    """Where the argument meets the level between two abscissae: closer looks, each at many places at once."""
+def _placed(
+    at: Callable[[np.ndarray], np.ndarray], levels: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Where the argument meets each of the ``levels`` (m,), between abscissae (m,): looks at all of them at once."""
+    each = np.arange(len(levels))
     for _ in range(CLOSER_LOOKS):
-        x = np.linspace(low, high, PLACES_A_LOOK)
-        above = at(x) > level
-        change = int(np.argmax(above[1:] != above[:-1]))
-        low, high = float(x[change]), float(x[change + 1])
+        x = np.linspace(low, high, PLACES_A_LOOK, axis=1)
+        above = at(x.ravel()).reshape(x.shape) > levels[:, None]
+        change = np.argmax(above[:, 1:] != above[:, :-1], axis=1)
+        low, high = x[each, change], x[each, change + 1]
     return 0.5 * (low + high)
 
 
