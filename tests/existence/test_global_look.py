@@ -336,8 +336,10 @@ def test_a_smooth_well_that_a_light_cone_just_leads_to(depth, place):
     assert solution.value < min(-1.0, -math.sqrt(1 - pace**2) * away / pace - (1 + within) * (1 - away / pace))
 
 
-@pytest.mark.parametrize("height", [1e-3, 1.0, 1e3, 1e6])
-@pytest.mark.parametrize("width", [1e-3, 1.0, 1e3])
+# each unit by itself, and both at either extreme of a slope
+@pytest.mark.parametrize(
+    ("width", "height"), [(1.0, 1.0), (1.0, 1e-3), (1.0, 1e6), (1e-3, 1.0), (1e3, 1.0), (1e3, 1e-3), (1e-3, 1e6)]
+)
 def test_a_well_that_bounded_slopes_lead_to_in_any_unit(height, width):
     # as fast as may be up to the jump at half the height, at rest from there on
     steep = height / width
