@@ -12,7 +12,7 @@ import pytest
 import varcalc as vc
 from varcalc.certificates.balls import working
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.proof import BITS, TERMS, certified
+from varcalc.certificates.proof import BITS, SERIES_LENGTH, certified
 from varcalc.verify.candidate import candidate
 
 
@@ -28,7 +28,7 @@ def displaced(solution, bump):
     """The certificate of another curve than the solution's: bump(x, k) is the k-th derivative of what is added."""
     along = candidate(solution).along_best
     wrong = replace(along, evaluate=lambda x, k: along.evaluate(x, k) + bump(x, k))
-    with working(BITS, TERMS):
+    with working(BITS, SERIES_LENGTH):
         return certified(solution, wrong, as_found=True)
 
 

@@ -15,7 +15,7 @@ from varcalc.certificates.balls import working
 from varcalc.certificates.bounds import Bounds
 from varcalc.certificates.choice import silent
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.proof import BITS, TERMS, _bounded
+from varcalc.certificates.proof import BITS, SERIES_LENGTH, _bounded
 from varcalc.certificates.setting import setting_along
 from varcalc.verify.along_curve import along_curve
 
@@ -117,7 +117,7 @@ def test_a_bump_of_the_bound_between_the_points_is_seen():
     along = along_curve(solution.extremal)
     x, y = along.symbols.x, along.symbols.y
     bumped = replace(along, paths=(y - 0.01 * ca.exp(-(((x - 0.7373) / 1e-4) ** 2)),))
-    with working(BITS, TERMS):
+    with working(BITS, SERIES_LENGTH):
         Bounds(along).above(setting_along(Bounds(along).plain, solution.value, Bounds(along).terms))
         held = Bounds(bumped)
         setting = setting_along(held.plain, solution.value, held.terms)
@@ -291,7 +291,7 @@ def test_a_wrong_curve_within_bounds_widens_the_interval_or_is_refused(name, pow
     def wrong(x, k):
         return along.evaluate(x, k) + 10.0**-power * w**k * np.sin(w * x + k * np.pi / 2)
 
-    with working(BITS, TERMS):
+    with working(BITS, SERIES_LENGTH):
         held = Bounds(replace(along, evaluate=wrong))
         try:
             held.prove_signs()

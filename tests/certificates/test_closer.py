@@ -9,9 +9,9 @@ import pytest
 
 import varcalc as vc
 from varcalc.certificates.balls import enclosed, flint, nodes, working
-from varcalc.certificates.curve import DEGREE
+from varcalc.certificates.curve import CURVE_DEGREE
 from varcalc.certificates.field import propagated
-from varcalc.certificates.proof import BITS, TERMS, certified
+from varcalc.certificates.proof import BITS, SERIES_LENGTH, certified
 from varcalc.verify.candidate import candidate
 
 
@@ -44,7 +44,7 @@ def test_a_curve_that_is_off_by_a_wave_is_brought_back(problem, exact, bounds):
         return along.evaluate(x, k) + 1e-4 * (4 * np.pi) ** k * np.sin(4 * np.pi * x + k * np.pi / 2)
 
     rough = replace(along, evaluate=waved, numbers=along.numbers + 1e-4, lambdas=along.lambdas + 1e-4)
-    with working(BITS, TERMS):
+    with working(BITS, SERIES_LENGTH):
         low, high = bounds(certified(solution, rough))
         wide = certified(solution, rough, as_found=True).width
     assert low <= exact <= high
@@ -59,7 +59,7 @@ def test_a_closed_curve_is_brought_back(bounds):
     solution = vc.solve(problem)
     along = candidate(solution).along_best
     rough = replace(along, evaluate=lambda x, k: along.evaluate(x, k) + 1e-4 * (k == 0))
-    with working(BITS, TERMS):
+    with working(BITS, SERIES_LENGTH):
         low, high = bounds(certified(solution, rough))
     turn = 2 * mpmath.mpf(np.pi)  # not quite a period of the load, which adds 1e-17 and less
     assert abs((low + high) / 2 + 1 / (4 * (1 + turn**2))) < 1e-15
@@ -84,9 +84,9 @@ def test_where_an_end_slides_to_does_not_hang_on_the_last_bit(seed, bounds):
 def test_the_propagator_is_that_of_the_oscillator():
     """(cos wt, sin wt/w; -w sin wt, cos wt) on pieces of lengths 1 and 3."""
     w, lengths = 2.5, np.array([1.0, 3.0])
-    G = np.broadcast_to(np.array([[0.0, 1.0], [-(w**2), 0.0]]), (2, DEGREE + 1, 2, 2))
+    G = np.broadcast_to(np.array([[0.0, 1.0], [-(w**2), 0.0]]), (2, CURVE_DEGREE + 1, 2, 2))
     for found, length in zip(propagated(G, lengths / 2), lengths, strict=True):
-        t = length * (1 + nodes(DEGREE)) / 2
+        t = length * (1 + nodes(CURVE_DEGREE)) / 2
         exact = np.array([[np.cos(w * t), np.sin(w * t) / w], [-w * np.sin(w * t), np.cos(w * t)]])
         assert np.abs(found - exact.transpose(2, 0, 1)).max() < 1e-13
 
@@ -94,7 +94,7 @@ def test_the_propagator_is_that_of_the_oscillator():
 @pytest.mark.parametrize("degree", [3, 12, 19])
 def test_a_form_is_enclosed_by_little_more_than_it_takes(degree):
     """T_n + T_1 lies within 2, and its powers of t add up to (1 + sqrt 2)^n."""
-    with working(BITS, TERMS):
+    with working(BITS, SERIES_LENGTH):
         found = flint()
         poly = found.arb_poly(found.fmpz_poly.chebyshev_t(degree)) + found.arb_poly([0, 1])
         series = found.arb_series([*poly.coeffs(), *[0] * (20 - degree)], 21)

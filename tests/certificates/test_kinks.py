@@ -13,7 +13,7 @@ from varcalc.certificates import Scope
 from varcalc.certificates.balls import working
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.kinks import kinks
-from varcalc.certificates.proof import BITS, TERMS
+from varcalc.certificates.proof import BITS, SERIES_LENGTH
 
 
 def solved(lagrangian, start, end, **options):
@@ -185,7 +185,7 @@ def test_what_is_no_subgradient_is_refused(factor):
     assert kinked is not None
     wrong = [[factor * c if len(c) > 1 else c for c in row] for row in kinked.subgradients]
     kinked.__dict__["subgradients"] = wrong
-    with working(BITS, TERMS), pytest.raises(Unproved, match="subgradient"):
+    with working(BITS, SERIES_LENGTH), pytest.raises(Unproved, match="subgradient"):
         kinked.prove()
 
 

@@ -13,7 +13,7 @@ from varcalc.certificates.balls import working
 from varcalc.certificates.choice import silent
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.pathwise import pathwise
-from varcalc.certificates.proof import BITS, TERMS, _bounded
+from varcalc.certificates.proof import BITS, SERIES_LENGTH, _bounded
 from varcalc.certificates.setting import setting_along
 from varcalc.study.reference import load
 from varcalc.verify.candidate import candidate
@@ -165,7 +165,7 @@ def test_a_wrong_curve_through_a_waypoint_widens_the_interval_or_is_refused(powe
 
 def check_or_refuse(solution, along, refusable, bounds, exact=None):
     """Whatever the curve, the interval holds the least energy; it is refused where it is wrong enough alone."""
-    with working(BITS, TERMS):
+    with working(BITS, SERIES_LENGTH):
         try:
             held = next(pathwise(along))
             certificate = _bounded(solution, setting_along(held.along, solution.value, held.terms), silent, held)[2]

@@ -12,7 +12,7 @@ import varcalc as vc
 from varcalc.certificates import Scope
 from varcalc.certificates.balls import working
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.proof import BITS, TERMS, certified
+from varcalc.certificates.proof import BITS, SERIES_LENGTH, certified
 from varcalc.verify.candidate import candidate
 
 
@@ -85,7 +85,7 @@ def test_a_column_that_buckles():
 def displaced(solution, values):
     """The certificate of the curve values(x, k), k the order of the derivative, with the solution's multipliers."""
     along = candidate(solution).along_best
-    with working(BITS, TERMS):
+    with working(BITS, SERIES_LENGTH):
         return certified(solution, replace(along, evaluate=values), as_found=True)
 
 
@@ -111,7 +111,7 @@ def test_a_higher_eigenfunction_is_not_the_lowest():
     def second(x, k):
         return np.sqrt(2) * (2 * np.pi) ** k * np.sin(2 * np.pi * x + k * np.pi / 2)[None]
 
-    with working(BITS, TERMS), pytest.raises(Unproved, match="conjugate point"):
+    with working(BITS, SERIES_LENGTH), pytest.raises(Unproved, match="conjugate point"):
         certified(solution, replace(along, evaluate=second, lambdas=np.array([-4 * np.pi**2])), as_found=True)
 
 
@@ -124,7 +124,7 @@ def test_the_eigenfunction_of_the_greater_of_two_uncoupled_is_not_the_lowest():
         sine = np.sqrt(2) * np.pi**k * np.sin(np.pi * x + k * np.pi / 2)
         return np.array([sine, 0 * sine])
 
-    with working(BITS, TERMS), pytest.raises(Unproved):
+    with working(BITS, SERIES_LENGTH), pytest.raises(Unproved):
         certified(solution, replace(along, evaluate=first, lambdas=np.array([-(np.pi**2) - 5])), as_found=True)
 
 

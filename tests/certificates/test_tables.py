@@ -11,7 +11,7 @@ import pytest
 import varcalc as vc
 from varcalc.certificates.balls import working
 from varcalc.certificates.piecewise import value
-from varcalc.certificates.proof import BITS, TERMS, certified
+from varcalc.certificates.proof import BITS, SERIES_LENGTH, certified
 from varcalc.certificates.splines import Spline, polynomial_of, spline
 from varcalc.symbolic.instructions import Call, instructions
 from varcalc.symbolic.look_up import within_knots
@@ -95,7 +95,7 @@ def test_a_wrong_curve_over_a_table_widens_the_interval_or_is_refused(power, bou
     def waved(x, k):
         return along.evaluate(x, k) + 10.0**-power * (3 * np.pi) ** k * np.sin(3 * np.pi * x + k * np.pi / 2)
 
-    with working(BITS, TERMS):
+    with working(BITS, SERIES_LENGTH):
         low, high = bounds(certified(solution, replace(along, evaluate=waved), as_found=True))
     x, a = ([mpmath.mpf(v) for v in row] for row in (KNOTS, VALUES))
     total = sum((x[k + 1] - x[k]) * mpmath.log(a[k + 1] / a[k]) / (a[k + 1] - a[k]) for k in range(len(x) - 1))

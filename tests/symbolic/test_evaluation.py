@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.symbolic.evaluation import COLUMN, MOST_POINTS, POINTS_FOR_NUMPY, TOGETHER, PointEvaluator
+from varcalc.symbolic.evaluation import COLUMN, MOST_POINTS, POINTS_FOR_NUMPY, POINTS_TOGETHER, PointEvaluator
 from varcalc.symbolic.instructions import UNARY
 
 X, Y, P = ca.SX.sym("x"), ca.SX.sym("y", 2), ca.SX.sym("p")
@@ -22,7 +22,7 @@ EXPRESSIONS = {
 }
 
 
-@pytest.mark.parametrize("count", [1, 3, TOGETHER, TOGETHER + 5, POINTS_FOR_NUMPY, COLUMN + 17])
+@pytest.mark.parametrize("count", [1, 3, POINTS_TOGETHER, POINTS_TOGETHER + 5, POINTS_FOR_NUMPY, COLUMN + 17])
 @pytest.mark.parametrize("name", EXPRESSIONS)
 def test_any_number_of_points_gives_what_casadi_does(name, count):
     function = ca.Function("f", [X, Y, P], [ca.densify(EXPRESSIONS[name])])
@@ -148,7 +148,7 @@ class Counted(ca.Callback):
 def test_what_takes_long_is_evaluated_at_the_points_that_are_wanted_and_no_others():
     function = Counted()
     evaluate = PointEvaluator(function)
-    asked = [1, 7, 3, TOGETHER, 1, TOGETHER + 5, 2]
+    asked = [1, 7, 3, POINTS_TOGETHER, 1, POINTS_TOGETHER + 5, 2]
     for count in asked:
         points = np.arange(float(count))[:, None]
         np.testing.assert_array_equal(evaluate(count, points), 2 * points)

@@ -19,7 +19,7 @@ import numpy as np
 
 from varcalc.extensions import optional
 
-ROUND_OFF, NOISE = 2.0**-51, 1e-13
+ROUND_OFF, MOST_ROUND_OFF = 2.0**-51, 1e-13
 """Coefficients of a polynomial through doubles, relative to its values, that are round-off: at least and at most."""
 NARROW = 2.0**-60
 """Share of a piece that no box is narrower than."""
@@ -109,7 +109,9 @@ def polynomial(values: np.ndarray, size: float = 0.0) -> Poly:
     total, coefficients = found.arb_poly([0]), transform(len(values) - 1) @ values
     sizes, largest_value = np.abs(coefficients), max(np.abs(values).max(), size)
     noise = 3.0 * sizes[-4:].max()  # where the values are resolved the last ones are nothing else
-    large = np.flatnonzero(sizes > max(ROUND_OFF * largest_value, noise if noise < NOISE * largest_value else 0.0))
+    large = np.flatnonzero(
+        sizes > max(ROUND_OFF * largest_value, noise if noise < MOST_ROUND_OFF * largest_value else 0.0)
+    )
     for k, c in enumerate(coefficients[: large.max(initial=0) + 1].tolist()):
         total += _chebyshev(k) * found.arb(c)
     return anchored(total, found.arb(float(values[0])), found.arb(float(values[-1])))

@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc.certificates.balls import Ball, Poly, differentiation, flint, nodes
 from varcalc.certificates.contacts import TouchedArc, at_contacts
-from varcalc.certificates.curve import DEGREE, integrated, nodes_within
+from varcalc.certificates.curve import CURVE_DEGREE, integrated, nodes_within
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
@@ -33,7 +33,7 @@ NEVER_APART = 1e-3
 """Distance from a bound, relative to it, that a curve is taken to be apart from it somewhere."""
 POINTS_FOR_SIZE = 129
 """Points at which the size of what is bounded is looked at."""
-NOISE = 1e-9
+BOUND_NOISE = 1e-9
 """Coefficients of a multiplier, relative to its size, that are left out, and what it is moved by to have one sign."""
 NARROWEST = 30
 """How often an interval is halved at most."""
@@ -75,7 +75,7 @@ class Bounds:
         return [self._touched(a, b) for a, b in pairwise(self.edges)]
 
     def _touched(self, a: float, b: float) -> list[Side]:
-        sides = self.touched_at(0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE)[1:-1])
+        sides = self.touched_at(0.5 * (a + b) + 0.5 * (b - a) * nodes(CURVE_DEGREE)[1:-1])
         if len(sides) > 1 and any(self.of_slope(side) for side in sides):
             raise Unproved(f"bounds on the slope are touched beside others between {a:.6g} and {b:.6g}")
         return sides
@@ -141,7 +141,7 @@ class Bounds:
         heights = ca.vertcat(*(along.paths[side.number] for side in sides))
         by_y, by_v = (v[:, :, 0] for v in self.plain.function(ca.gradient(L, s.y), ca.gradient(L, s.dy))(x))
         bends = along.function(ca.jacobian(heights, s.y))(x)[0]
-        force = differentiation(DEGREE) @ by_v / (0.5 * (b - a)) - by_y
+        force = differentiation(CURVE_DEGREE) @ by_v / (0.5 * (b - a)) - by_y
         return np.array([np.linalg.lstsq(bend.T, row, rcond=None)[0] for bend, row in zip(bends, force, strict=True)])
 
     def _of_momenta(self) -> dict[int, np.ndarray]:
@@ -222,7 +222,7 @@ class Bounds:
         for (a, b), sides, rows in zip(pairwise(self.edges), self.touched, self.multipliers, strict=True):
             for side, powers in zip(sides, rows, strict=True):
                 slope = self.along.function(ca.gradient(self.along.paths[side.number], s.y))(nodes_within(a, b))[0]
-                size = np.abs(np.polynomial.polynomial.polyval(nodes(DEGREE), powers))
+                size = np.abs(np.polynomial.polynomial.polyval(nodes(CURVE_DEGREE), powers))
                 most_added = max(most_added, float((2 * size * (slope[:, :, 0] ** 2).sum(axis=1)).max()))
         within = np.linspace(self.edges[0], self.edges[-1], POINTS_FOR_SIZE)[1:-1]
         stiffness = self.plain.function(ca.hessian(self._integrand, s.dy)[0])(within)[0]
@@ -256,14 +256,14 @@ def _in_powers(mu: np.ndarray, sign: float, size: float) -> np.ndarray:
     On short pieces about the place where the curve comes to a bound it is known but roughly: its mean will do, as any
     of that sign would.
     """
-    series = np.polynomial.Chebyshev.fit(nodes(DEGREE), mu, DEGREE, domain=[-1, 1]).trim(NOISE * size)
+    series = np.polynomial.Chebyshev.fit(nodes(CURVE_DEGREE), mu, CURVE_DEGREE, domain=[-1, 1]).trim(BOUND_NOISE * size)
     powers: np.ndarray = series.convert(kind=np.polynomial.Polynomial).coef
     wrong = float((sign * series(np.linspace(-1.0, 1.0, POINTS_FOR_SIZE))).max())
-    if len(powers) > DEGREE or wrong > SLIGHT * size:
-        inside = 1.0 - nodes(DEGREE) ** 2
+    if len(powers) > CURVE_DEGREE or wrong > SLIGHT * size:
+        inside = 1.0 - nodes(CURVE_DEGREE) ** 2
         powers = np.array([-sign * max(0.0, -sign * float((mu * inside).sum() / inside.sum()))])
         wrong = 0.0
-    powers[0] -= sign * (NOISE * size + max(0.0, wrong))
+    powers[0] -= sign * (BOUND_NOISE * size + max(0.0, wrong))
     return powers
 
 

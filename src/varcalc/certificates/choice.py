@@ -42,7 +42,7 @@ DEEPEST = 60
 SHALLOW = 5
 PIECE_HALVINGS = 5
 """How often pieces are halved on which Q is not resolved."""
-LOOSELY_KNOWN, RESOLVED = 1e-3, 1e-7
+LOOSELY_KNOWN, FIELD_RESOLVED = 1e-3, 1e-7
 """Last coefficients of Q, relative to it: beyond the one no proof is tried, below the other none is tried again."""
 NARROWINGS = 3
 """Tubes that are tried so."""
@@ -63,7 +63,7 @@ def proved_tube(setting: Setting, told: Told = silent) -> Prover:
     told("the field of extremals")
     for _ in range(PIECE_HALVINGS):
         kappa, mu, found = _field(setting, stiffness)
-        rough, finer = (unresolved(found, share) for share in (LOOSELY_KNOWN, RESOLVED))
+        rough, finer = (unresolved(found, share) for share in (LOOSELY_KNOWN, FIELD_RESOLVED))
         if not rough:
             try:
                 return _in_some_tube(setting, kappa, mu, found, told)

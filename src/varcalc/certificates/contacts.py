@@ -17,11 +17,11 @@ import casadi as ca
 import numpy as np
 
 from varcalc.certificates.balls import differentiation, nodes, transform
-from varcalc.certificates.curve import DEGREE, through
+from varcalc.certificates.curve import CURVE_DEGREE, through
 from varcalc.symbolic.tracing import Expression
 from varcalc.verify.along_curve import AlongCurve
 
-ITERATIONS = 12
+CONTACT_STEPS = 12
 """Steps of Newton's method at most."""
 SETTLED, ALL_STEPS = 1e-12, 1e-3
 """Length of the last step, and of all of them together, relative to the curve, at most."""
@@ -60,16 +60,16 @@ class FreeBoundaries:
     @cached_property
     def _system(self) -> tuple[ca.Function, np.ndarray]:
         """Residuals and their slopes in all unknowns: curve and multipliers of each arc, and places; a guess."""
-        n, D = self.along.n, ca.DM(differentiation(DEGREE).T)
+        n, D = self.along.n, ca.DM(differentiation(CURVE_DEGREE).T)
         places = ca.MX.sym("places", len(self.arcs) - 1)
         edges = [self.arcs[0].start, *ca.vertsplit(places), self.arcs[-1].end]
         unknowns, residuals, guesses, before = [], [], [], None
         for k, arc in enumerate(self.arcs):
             half, middle = (edges[k + 1] - edges[k]) / 2, (edges[k + 1] + edges[k]) / 2
-            y, mu = ca.MX.sym("y", n, DEGREE + 1), ca.MX.sym("mu", len(arc.touched), DEGREE - 1)
-            v, x = (y @ D) / half, middle + half * ca.DM(nodes(DEGREE)).T
+            y, mu = ca.MX.sym("y", n, CURVE_DEGREE + 1), ca.MX.sym("mu", len(arc.touched), CURVE_DEGREE - 1)
+            v, x = (y @ D) / half, middle + half * ca.DM(nodes(CURVE_DEGREE)).T
             padded = ca.horzcat(mu[:, 0], mu, mu[:, -1])
-            force, p, h = self._point(arc).map(DEGREE + 1)(x, y, v, padded)
+            force, p, h = self._point(arc).map(CURVE_DEGREE + 1)(x, y, v, padded)
             missed = (p @ D) / half - force
             residuals += [ca.vec(missed[:, 1:-1]), ca.vec(h)]
             if before is None:
@@ -78,8 +78,8 @@ class FreeBoundaries:
                 residuals += [y[:, 0] - before[0], p[:, 0] - before[1]]
             before = y[:, -1], p[:, -1]
             unknowns += [ca.vec(y), ca.vec(mu)]
-            at = 0.5 * (arc.start + arc.end) + 0.5 * (arc.end - arc.start) * nodes(DEGREE)
-            guesses += [self.along.evaluate(at, 0).T.ravel(), np.zeros(len(arc.touched) * (DEGREE - 1))]
+            at = 0.5 * (arc.start + arc.end) + 0.5 * (arc.end - arc.start) * nodes(CURVE_DEGREE)
+            guesses += [self.along.evaluate(at, 0).T.ravel(), np.zeros(len(arc.touched) * (CURVE_DEGREE - 1))]
         assert before is not None
         residuals.append(before[0] - self._held(1))
         z, total = ca.vertcat(*unknowns, places), ca.vertcat(*residuals)
@@ -94,7 +94,7 @@ class FreeBoundaries:
         function, z = self._system
         curve = self._of_curve()
         size, moved = float(np.ptp(z[curve])) or 1.0, 0.0
-        for _ in range(ITERATIONS):
+        for _ in range(CONTACT_STEPS):
             residual, slope = (np.asarray(v) for v in function(z))
             if not (np.isfinite(residual).all() and np.isfinite(slope).all()):
                 return None
@@ -116,20 +116,20 @@ class FreeBoundaries:
 
     def _of_curve(self) -> np.ndarray:
         """Which unknowns are the curve, and places."""
-        count = self.along.n * (DEGREE + 1)
-        flags = [[True] * count + [False] * len(arc.touched) * (DEGREE - 1) for arc in self.arcs]
+        count = self.along.n * (CURVE_DEGREE + 1)
+        flags = [[True] * count + [False] * len(arc.touched) * (CURVE_DEGREE - 1) for arc in self.arcs]
         return np.r_[*flags, [True] * (len(self.arcs) - 1)]
 
     def _found(self, z: np.ndarray) -> AlongCurve | None:
-        count, first, parts = self.along.n * (DEGREE + 1), 0, []
+        count, first, parts = self.along.n * (CURVE_DEGREE + 1), 0, []
         edges = [self.arcs[0].start, *self._places(z).tolist(), self.arcs[-1].end]
         for k, arc in enumerate(self.arcs):
-            y = z[first : first + count].reshape(DEGREE + 1, self.along.n).T
-            coefficients = np.abs(y @ transform(DEGREE).T)
+            y = z[first : first + count].reshape(CURVE_DEGREE + 1, self.along.n).T
+            coefficients = np.abs(y @ transform(CURVE_DEGREE).T)
             if coefficients[:, -3:].max() > UNRESOLVED * coefficients.max():
                 return None
             parts.append((edges[k], edges[k + 1], y))
-            first += count + len(arc.touched) * (DEGREE - 1)
+            first += count + len(arc.touched) * (CURVE_DEGREE - 1)
         return replace(self.along, evaluate=through(parts), vertices=np.array(edges))
 
 

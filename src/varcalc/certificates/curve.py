@@ -32,9 +32,9 @@ from varcalc.certificates.jets import Switch
 from varcalc.certificates.statement import Statement
 from varcalc.verify.given_curve import distinct
 
-DEGREE = 24
+CURVE_DEGREE = 24
 """Degree of the polynomials of one piece."""
-RESOLVED = 1e-13
+CURVE_RESOLVED = 1e-13
 """Last coefficients of a curve in Chebyshev polynomials, relative to the largest, below which it is resolved."""
 BENT = 1e-5
 """The same of the coefficients of Jacobi's equation, from which the field need not be exact."""
@@ -180,7 +180,7 @@ def _samples(statement: Statement, a: float, b: float) -> Samples:
 
 
 def _nodes_of(a: float, b: float) -> np.ndarray:
-    x = 0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE)
+    x = 0.5 * (a + b) + 0.5 * (b - a) * nodes(CURVE_DEGREE)
     x[0], x[-1] = a, b
     return x
 
@@ -191,7 +191,7 @@ def samples_of(statement: Statement, a: float, b: float, y: np.ndarray) -> Sampl
     x, half = _nodes_of(a, b), 0.5 * (b - a)
     rows = [y]
     for _ in range(order):
-        rows.append(rows[-1] @ differentiation(DEGREE).T / half)
+        rows.append(rows[-1] @ differentiation(CURVE_DEGREE).T / half)
     numbers = np.repeat(np.asarray(along.numbers, dtype=float)[:, None], len(x), axis=1)
     states, controls = np.vstack([*rows[:-1], numbers]), rows[-1]
     # at the ends as from within: L may jump there
@@ -203,14 +203,14 @@ def samples_of(statement: Statement, a: float, b: float, y: np.ndarray) -> Sampl
 def nodes_within(a: float, b: float) -> np.ndarray:
     """The nodes of the piece from a to b, those at its ends from within: beside them L or the curve is another."""
     inside = VERTEX_ROUND_OFF * max(abs(a), abs(b))
-    return np.clip(0.5 * (a + b) + 0.5 * (b - a) * nodes(DEGREE), a + inside, b - inside)
+    return np.clip(0.5 * (a + b) + 0.5 * (b - a) * nodes(CURVE_DEGREE), a + inside, b - inside)
 
 
 def _momenta(statement: Statement, gradient: np.ndarray, half: float) -> np.ndarray:
     """p with p' = H_z - A^T p, integrated: what is differentiated would be rough. H_u tells where to begin."""
     n, m, count = statement.n, statement.bare, len(gradient)
     momenta = np.zeros((m, count))
-    xi = nodes(DEGREE)
+    xi = nodes(CURVE_DEGREE)
     for i in range(n):
         force = gradient[:, i]
         if statement.order == 1:
@@ -229,18 +229,18 @@ def _momenta(statement: Statement, gradient: np.ndarray, half: float) -> np.ndar
 
 def integrated(values: np.ndarray) -> np.ndarray:
     """The integral from -1 to each node of the polynomial through values (N + 1, ...) at the nodes."""
-    return np.concatenate([0.0 * values[:1], np.linalg.solve(differentiation(DEGREE)[1:, 1:], values[1:])])
+    return np.concatenate([0.0 * values[:1], np.linalg.solve(differentiation(CURVE_DEGREE)[1:, 1:], values[1:])])
 
 
 def _resolved(samples: Samples, sizes: np.ndarray, statement: Statement) -> bool:
     rows = np.vstack([samples.states, samples.momenta])
     if not np.isfinite(rows).all():
         return True  # nothing is gained by smaller pieces; the balls will tell
-    coefficients, noise = np.abs(transform(DEGREE) @ rows.T), RESOLVED * sizes[:, 0]
+    coefficients, noise = np.abs(transform(CURVE_DEGREE) @ rows.T), CURVE_RESOLVED * sizes[:, 0]
     if statement.order == 2:
         # slopes of a curve that is large beside what it varies by are round-off of the curve, by Markov's inequality
         n = statement.n
-        noise[n : 2 * n] = np.maximum(noise[n : 2 * n], ROUND_OFF * DEGREE**2 * sizes[:n, 0] / samples.half)
+        noise[n : 2 * n] = np.maximum(noise[n : 2 * n], ROUND_OFF * CURVE_DEGREE**2 * sizes[:n, 0] / samples.half)
     return bool((coefficients[-3:].max(axis=0) <= noise).all())
 
 
@@ -254,7 +254,7 @@ def _smooth(samples: Samples) -> bool:
     if not np.isfinite(samples.hessian).all() or not (np.abs(np.linalg.det(uu)) > 0).all():
         return True
     inverse = np.linalg.inv(uu).reshape(len(uu), -1)
-    coefficients = np.abs(transform(DEGREE) @ inverse)
+    coefficients = np.abs(transform(CURVE_DEGREE) @ inverse)
     return bool(coefficients[-3:].max() <= BENT * np.abs(inverse).max())
 
 

@@ -42,7 +42,7 @@ from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Switch, Undecided, without_enclosure
 from varcalc.certificates.statement import Statement, statement
 from varcalc.certificates.summands import summands
-from varcalc.certificates.taylor import TERMS, AtEnd, Values, views_of
+from varcalc.certificates.taylor import TAYLOR_ORDER, AtEnd, Values, views_of
 from varcalc.symbolic.convexity import Entry, proved_convex
 from varcalc.symbolic.tracing import Expression
 
@@ -357,9 +357,9 @@ class Momenta:
             grown = (
                 None
                 if series is None or constant is None
-                else [constant, *(unit * coefficient(series, k) / (k + 1) for k in range(TERMS))]
+                else [constant, *(unit * coefficient(series, k) / (k + 1) for k in range(TAYLOR_ORDER))]
             )
-            rows.append(None if grown is None else flint().arb_series(grown, TERMS + 1))
+            rows.append(None if grown is None else flint().arb_series(grown, TAYLOR_ORDER + 1))
         return Values.on(part.views, rows[: len(part.views)])
 
 

@@ -15,13 +15,13 @@ from scipy.linalg import LinAlgError, eigh
 from scipy.optimize import brentq
 
 from varcalc.certificates.balls import differentiation, transform
-from varcalc.certificates.curve import DEGREE
+from varcalc.certificates.curve import CURVE_DEGREE
 from varcalc.certificates.integrals import Unproved
 
-RESOLVED = 1e-13
+MODE_RESOLVED = 1e-13
 """Last coefficients of an eigenfunction on an element, relative to its size, below which it is resolved."""
 MOST_ELEMENTS = 48
-QUADRATURE_POINTS = DEGREE + 8
+QUADRATURE_POINTS = CURVE_DEGREE + 8
 """Gauss points of an element."""
 SEEN = 33
 """Points of an element between which signs of an eigenfunction are looked at."""
@@ -32,7 +32,10 @@ Coefficients = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True)
 class Eigenfunctions:
-    """The lowest eigenvalues, and their functions as ``values`` (count, elements, DEGREE + 1) at Chebyshev's points."""
+    """The lowest eigenvalues, and their functions at Chebyshev's points.
+
+    The ``values`` have the shape (count, elements, CURVE_DEGREE + 1).
+    """
 
     edges: np.ndarray
     eigenvalues: np.ndarray
@@ -41,7 +44,7 @@ class Eigenfunctions:
     def evaluate(self, number: int) -> Callable[[np.ndarray, int], np.ndarray]:
         """An eigenfunction and its derivatives at x (m,), as (1, m)."""
         pairs = zip(self.edges[:-1], self.edges[1:], self.values[number], strict=True)
-        parts = [np.polynomial.Chebyshev(transform(DEGREE) @ row, domain=[a, b]) for a, b, row in pairs]
+        parts = [np.polynomial.Chebyshev(transform(CURVE_DEGREE) @ row, domain=[a, b]) for a, b, row in pairs]
 
         def evaluate(x: np.ndarray, derivative: int) -> np.ndarray:
             found, element = np.empty((1, len(x))), self._element(x)
@@ -75,8 +78,8 @@ def eigenfunctions(
         if found is None:
             rough[:] = True
         else:
-            last = np.abs(found.values @ transform(DEGREE)[-3:].T).max(axis=2)
-            rough = (last > RESOLVED * np.abs(found.values).max(axis=(1, 2))[:, None]).any(axis=0)
+            last = np.abs(found.values @ transform(CURVE_DEGREE)[-3:].T).max(axis=2)
+            rough = (last > MODE_RESOLVED * np.abs(found.values).max(axis=(1, 2))[:, None]).any(axis=0)
             if not rough.any():
                 return found
         edges = np.sort(np.r_[edges, 0.5 * (edges[1:] + edges[:-1])[rough]])
@@ -87,14 +90,14 @@ def _on_elements(
     coefficients: Coefficients, edges: np.ndarray, held: tuple[bool, bool], count: int
 ) -> Eigenfunctions | None:
     """The eigenfunctions on given elements; None where these are too few."""
-    elements, total = len(edges) - 1, (len(edges) - 1) * DEGREE + 1
+    elements, total = len(edges) - 1, (len(edges) - 1) * CURVE_DEGREE + 1
     xi, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
-    shapes = np.polynomial.chebyshev.chebvander(xi, DEGREE) @ transform(DEGREE)
+    shapes = np.polynomial.chebyshev.chebvander(xi, CURVE_DEGREE) @ transform(CURVE_DEGREE)
     energy, norm = np.zeros((2, total, total))
     for k in range(elements):
         half = 0.5 * float(edges[k + 1] - edges[k])
-        rows = np.stack([shapes, shapes @ differentiation(DEGREE) / half])
-        own = slice(k * DEGREE, (k + 1) * DEGREE + 1)
+        rows = np.stack([shapes, shapes @ differentiation(CURVE_DEGREE) / half])
+        own = slice(k * CURVE_DEGREE, (k + 1) * CURVE_DEGREE + 1)
         for matrix, bent in zip((energy, norm), coefficients(edges[k] + half * (xi + 1)), strict=True):
             matrix[own, own] += np.einsum("aqi,qab,bqj,q->ij", rows, bent, rows, half * weights)
     free = slice(int(held[0]), total - int(held[1]))
@@ -107,5 +110,5 @@ def _on_elements(
         raise Unproved("what is prescribed an integral is not positive, or not a number") from None
     whole = np.zeros((count, total))
     whole[:, free] = vectors.T
-    places = np.arange(elements)[:, None] * DEGREE + np.arange(DEGREE + 1)
+    places = np.arange(elements)[:, None] * CURVE_DEGREE + np.arange(CURVE_DEGREE + 1)
     return Eigenfunctions(edges, values, whole[:, places])

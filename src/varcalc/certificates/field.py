@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from varcalc.certificates.balls import nodes, transform
-from varcalc.certificates.curve import DEGREE, Samples
+from varcalc.certificates.curve import CURVE_DEGREE, Samples
 from varcalc.certificates.statement import Statement
 
 GAINED, HYPERBOLIC = 1e-9, 1e-6
@@ -99,7 +99,7 @@ def unresolved(field: JacobiFields, share: float) -> list[int]:
     if field.U.shape[-1] == 1:
         return []
     Q = np.linalg.solve(field.U.swapaxes(2, 3), field.M.swapaxes(2, 3)).swapaxes(2, 3)
-    last = np.abs(np.einsum("ij,pjab->piab", transform(DEGREE)[-3:], Q)).max(axis=(1, 2, 3))
+    last = np.abs(np.einsum("ij,pjab->piab", transform(CURVE_DEGREE)[-3:], Q)).max(axis=(1, 2, 3))
     return np.flatnonzero(last > share * np.abs(Q).max(axis=(1, 2, 3))).tolist()
 
 
@@ -141,7 +141,7 @@ def _around(statement: Statement, samples: Sequence[Samples], lowered: np.ndarra
             rows.append(_symmetric(found[:, m:] @ np.linalg.inv(found[:, :m])))
             Q = rows[-1][-1]
     rows[-1][-1] = rows[0][0]
-    share = (np.arange(len(rows))[:, None] + 0.5 * (1.0 + nodes(DEGREE))) / len(rows)
+    share = (np.arange(len(rows))[:, None] + 0.5 * (1.0 + nodes(CURVE_DEGREE))) / len(rows)
     gained = np.diag(GAINED * np.abs(np.array(rows)).max(axis=(0, 1)).diagonal())
     return np.array(rows) + share[:, :, None, None] * gained
 
@@ -187,7 +187,7 @@ def _below(condition: np.ndarray, family: np.ndarray, sign: int) -> bool:
 
 def jacobi(statement: Statement, samples: Sequence[Samples], lowered: np.ndarray) -> np.ndarray:
     """The matrices G (pieces, N + 1, 2m, 2m) of Jacobi's equation (z, pi)' = G (z, pi) at the nodes."""
-    m, shape = statement.states, (len(samples), DEGREE + 1)
+    m, shape = statement.states, (len(samples), CURVE_DEGREE + 1)
     parts = [turned_dynamics(statement, s) for s in samples]
     A, B = (np.array([part[k] for part in parts]) for k in (0, 1))
     H = np.array([s.hessian for s in samples]) - np.diag(lowered)
@@ -210,7 +210,7 @@ def propagated(G: np.ndarray, halves: np.ndarray) -> np.ndarray:
     and Wanner, "Solving Ordinary Differential Equations I", 1993, sect. II.7).
     """
     interpolation, steps, A, b = _gauss()
-    pieces, count, size, stages = len(G), DEGREE, G.shape[-1], len(b)
+    pieces, count, size, stages = len(G), CURVE_DEGREE, G.shape[-1], len(b)
     h = halves[:, None] * steps
     inside = (interpolation @ G.reshape(pieces, count + 1, -1)).reshape(pieces, count, stages, size, size)
     weighted = A[:, None, :, None] * inside[:, :, :, :, None, :] * h[:, :, None, None, None, None]
@@ -232,11 +232,11 @@ def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     c = 0.5 * (1.0 + points)
     powers = np.arange(1, STAGES + 1)
     A = np.linalg.solve((c[:, None] ** (powers - 1)).T, (c[:, None] ** powers / powers).T).T
-    x = nodes(DEGREE)
+    x = nodes(CURVE_DEGREE)
     steps = np.diff(x)
     places = (x[:-1, None] + steps[:, None] * c).ravel()
-    chebyshev = np.polynomial.chebyshev.chebvander(places, DEGREE)
-    return chebyshev @ transform(DEGREE), steps, A, 0.5 * weights
+    chebyshev = np.polynomial.chebyshev.chebvander(places, CURVE_DEGREE)
+    return chebyshev @ transform(CURVE_DEGREE), steps, A, 0.5 * weights
 
 
 def boundary(statement: Statement, bends: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from varcalc.certificates.field import dynamics
 from varcalc.certificates.jets import Undecided, head
 from varcalc.certificates.statement import Statement
 
-TERMS = 20
+INTEGRAL_ORDER = 20
 """Order of the Taylor forms of integrals."""
 MOST_TRIED, MOST_ALONG = 600, 3000
 """Boxes tried after which no proof is looked for: of a part of the curve, and of all of it while they lead on."""
@@ -117,17 +117,17 @@ def _longer(excess: float) -> float:
 def _on_box(
     statement: Statement, piece: Piece, box: Box, sizes: tuple[np.ndarray, np.ndarray], allowed: float
 ) -> OnBox:
-    views = [_terms(statement, piece, Around(box, TERMS + whole, whole)) for whole in (False, True)]
+    views = [_terms(statement, piece, Around(box, INTEGRAL_ORDER + whole, whole)) for whole in (False, True)]
     (L, r, q), (L_, r_, q_) = views
-    main, rest = integral(L, L_, TERMS)
+    main, rest = integral(L, L_, INTEGRAL_ORDER)
     if not (main.is_finite() and rest.is_finite()):
         raise Undecided("it is not a number throughout")
     bounds, excess = [], float(abs(rest).upper()) / allowed
     for centred, whole, unit in ((r, r_, sizes[0]), (q, q_, sizes[1])):
         squares, remainder = flint().arb(0), flint().arb(0)
         for c, w, size in zip(centred, whole, unit[: len(centred)].tolist(), strict=True):
-            squares += (abs(enclosed(c, w, TERMS - 1)).upper() * size) ** 2
-            remainder = largest([remainder, coefficient(w, TERMS - 1) * size])
+            squares += (abs(enclosed(c, w, INTEGRAL_ORDER - 1)).upper() * size) ** 2
+            remainder = largest([remainder, coefficient(w, INTEGRAL_ORDER - 1) * size])
         bounds.append(squares.sqrt().upper())
         if not bounds[-1].is_finite():
             raise Undecided("its derivatives are no numbers throughout")

@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 from varcalc.certificates.balls import Around, Ball, Box, differentiation, flint, nodes
 from varcalc.certificates.bounds import positive
 from varcalc.certificates.convex_terms import FOLLOWED, ConvexTerm
-from varcalc.certificates.curve import DEGREE, Piece, nodes_within, sampled
+from varcalc.certificates.curve import CURVE_DEGREE, Piece, nodes_within, sampled
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Undecided, head, jets
 from varcalc.certificates.kink_reading import convex_terms
@@ -41,7 +41,7 @@ from varcalc.verify.given_curve import DISTINCT_NODES, distinct
 
 POINTS_FOR_SIGNS = 33
 """Points of a piece at which signs are looked at."""
-MARGIN, NOISE = 1e-13, 1e-11
+MARGIN, SUBGRADIENT_NOISE = 1e-13, 1e-11
 """What a subgradient is shrunk by to stay within its bounds; coefficients, relative to it, that are left out."""
 ROUGH = 1e-2
 """What a subgradient may be more than 1 by in size between the nodes, where it is shrunk."""
@@ -129,7 +129,7 @@ class Kinked:
         assert between is not None
         low, high = (None if end is None else float(end.mid()) for end in between)
         values = self._arguments(nodes_within(*self._piece(number)))[:, k]
-        series: Any = np.polynomial.Chebyshev.fit(nodes(DEGREE), values, DEGREE, domain=[-1, 1])
+        series: Any = np.polynomial.Chebyshev.fit(nodes(CURVE_DEGREE), values, CURVE_DEGREE, domain=[-1, 1])
         powers: np.ndarray = series.trim(size).convert(kind=np.polynomial.Polynomial).coef
         reached = np.polynomial.polynomial.polyval(np.linspace(-1.0, 1.0, 8 * POINTS_FOR_SIGNS), powers)
         under = 0.0 if low is None else size + max(0.0, low - float(reached.min()))
@@ -156,11 +156,11 @@ class Kinked:
         force, momentum, bend = (v[:, :, 0] for v in self.along.function(*map(ca.densify, column))(x))
         scale = (bend**2).sum(axis=1)
         if by_y:
-            rate = differentiation(DEGREE) @ momentum / (0.5 * (b - a))
+            rate = differentiation(CURVE_DEGREE) @ momentum / (0.5 * (b - a))
             sigma = ((rate - force) * bend).sum(axis=1) / scale
             # where a mesh is fine about a kink that is gone through the curve seems to follow it on a piece
             return _shrunk(sigma if np.abs(sigma).max() < PLAUSIBLE else self._between(number, k, 0.0 * sigma))
-        grown = 0.5 * (b - a) * np.linalg.solve(differentiation(DEGREE)[1:, 1:], force[1:])
+        grown = 0.5 * (b - a) * np.linalg.solve(differentiation(CURVE_DEGREE)[1:, 1:], force[1:])
         p = np.vstack([np.zeros((1, force.shape[1])), grown])
         return _shrunk(self._between(number, k, ((p - momentum) * bend).sum(axis=1) / scale))
 
@@ -171,7 +171,11 @@ class Kinked:
         missed = [side - values[at] for side, at in zip(beside, (0, -1), strict=True) if side]
         if not missed:
             return values - 0.5 * (values.max() + values.min())
-        return values + np.linspace(missed[0], missed[-1], 2)[0] + (missed[-1] - missed[0]) * 0.5 * (1 + nodes(DEGREE))
+        return (
+            values
+            + np.linspace(missed[0], missed[-1], 2)[0]
+            + (missed[-1] - missed[0]) * 0.5 * (1 + nodes(CURVE_DEGREE))
+        )
 
     @property
     def met(self) -> bool:
@@ -307,13 +311,15 @@ class Kinked:
 
 def _shrunk(values: np.ndarray) -> np.ndarray:
     """A polynomial in powers, within [-1, 1] where ``values`` at the nodes all but are."""
-    series: Any = np.polynomial.Chebyshev.fit(nodes(DEGREE), values, DEGREE, domain=[-1, 1]).trim(NOISE)
+    series: Any = np.polynomial.Chebyshev.fit(nodes(CURVE_DEGREE), values, CURVE_DEGREE, domain=[-1, 1]).trim(
+        SUBGRADIENT_NOISE
+    )
     # as it is with what was left out: next to a piece beside the kink it is 1 or -1
     t = np.linspace(-1.0, 1.0, 8 * POINTS_FOR_SIGNS)
     reached = np.abs(series(t))
     if reached[1:-1].max() > 1.0 + ROUGH:
         # round-off, on a short piece about where the curve comes to the kink: any subgradient will do
-        inside = 1.0 - nodes(DEGREE) ** 2
+        inside = 1.0 - nodes(CURVE_DEGREE) ** 2
         mean = float((values * inside).sum() / inside.sum())
         return np.array([(1 - MARGIN) * min(1.0, max(-1.0, mean)), 0.0])
     # between two points it may be more, by what its second derivative makes of half their distance

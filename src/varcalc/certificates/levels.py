@@ -23,7 +23,7 @@ from varcalc.certificates.statement import Statement
 from varcalc.certificates.tube import Prover
 from varcalc.symbolic.instructions import Program
 
-TERMS = 14
+LEVEL_ORDER = 14
 """Order of the Taylor forms of integrals."""
 WIDER = 8.0
 """How much wider than Newton's step the box is in which the integrals are proved to be met."""
@@ -225,13 +225,13 @@ class Meeting:
         totals: list[Ball] = []
         for k, box in self.setting.along.boxes:
             try:
-                views = [series(k, Around(box, TERMS + whole, whole)) for whole in (False, True)]
+                views = [series(k, Around(box, LEVEL_ORDER + whole, whole)) for whole in (False, True)]
             except Undecided as undecided:
                 raise Unproved(
                     f"near {box.at:.6g} the curves among which one meets all that is prescribed leave where the "
                     f"Lagrangian is enclosed: {undecided}"
                 ) from None
-            parts = [sum(integral(c, w, TERMS)) * box.unit for c, w in zip(*views, strict=True)]
+            parts = [sum(integral(c, w, LEVEL_ORDER)) * box.unit for c, w in zip(*views, strict=True)]
             totals = [a + b for a, b in zip(totals, parts, strict=True)] if totals else parts
         return totals
 

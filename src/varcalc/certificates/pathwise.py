@@ -23,7 +23,7 @@ import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, largest, nodes, solved
 from varcalc.certificates.certificate import Hypothesis, Means
-from varcalc.certificates.curve import DEGREE, Piece, nodes_within
+from varcalc.certificates.curve import CURVE_DEGREE, Piece, nodes_within
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, Undecided, head, jets, without_enclosure
 from varcalc.certificates.nearness import Attained
@@ -37,9 +37,9 @@ from varcalc.verify.given_curve import distinct
 
 WEIGHTS = (10.0, 1.0, 100.0)
 """Weights c that are tried, in units in which they bend H as much as the slope does over the length of the interval."""
-NOISE = 1e-13
+MULTIPLIER_NOISE = 1e-13
 """Coefficients of a multiplier, relative to its size, that are left out."""
-TERMS = 16
+EQUATION_ORDER = 16
 """Order of the Taylor forms of the equations."""
 WIDER = 4.0
 """How much wider than Newton's step the box is in which the equations are proved to be met."""
@@ -169,10 +169,10 @@ class Pathwise:
     def _moved(self, setting: Setting, k: int, box: Box) -> tuple[list[Ball], list[Ball]]:
         """How far the functions are moved in a box, and their slopes: phi_y^T e and its derivative."""
         stated, piece = setting.statement, setting.pieces[k]
-        views = [Around(box, TERMS + whole, whole) for whole in (False, True)]
+        views = [Around(box, EQUATION_ORDER + whole, whole) for whole in (False, True)]
         along = [self._beside(stated, piece, around, None) for around in views]
         gradients = [[head(v) for v in row] for row in along[1][1]]
-        missed = [-enclosed(c, w, TERMS) for c, w in zip(along[0][0], along[1][0], strict=True)]
+        missed = [-enclosed(c, w, EQUATION_ORDER) for c, w in zip(along[0][0], along[1][0], strict=True)]
 
         def stepped(room: list[Ball], right: list[Ball]) -> list[Ball]:
             rows = self._beside(stated, piece, Around(box, 1, whole=True), room)[1]
@@ -190,7 +190,9 @@ class Pathwise:
         if not all(bool(abs(step) < radius) for step in e):
             raise Unproved(f"no curve near is proved to meet the conditions along it near {box.at:.6g}")
         near = [self._beside(stated, piece, around, e)[0] for around in views]
-        slopes = [-enclosed(views[0].slope(c), views[1].slope(w), TERMS - 1) for c, w in zip(*near, strict=True)]
+        slopes = [
+            -enclosed(views[0].slope(c), views[1].slope(w), EQUATION_ORDER - 1) for c, w in zip(*near, strict=True)
+        ]
         rates = stepped(room, slopes)
         turned = [[head(views[1].slope(v)) for v in row] for row in along[1][1]]
         columns = list(zip(*gradients, strict=True))
@@ -283,6 +285,6 @@ def _fitted(force: Sampled, a: float, b: float) -> np.ndarray:
     """Coefficients in powers of a multiplier between two abscissae."""
     x = nodes_within(a, b)
     values = np.asarray(force(x), dtype=float)
-    series = np.polynomial.Chebyshev.fit(nodes(DEGREE), values, DEGREE, domain=[-1, 1])
-    trimmed: Any = series.trim(NOISE * float(np.abs(values).max()))
+    series = np.polynomial.Chebyshev.fit(nodes(CURVE_DEGREE), values, CURVE_DEGREE, domain=[-1, 1])
+    trimmed: Any = series.trim(MULTIPLIER_NOISE * float(np.abs(values).max()))
     return trimmed.convert(kind=np.polynomial.Polynomial).coef

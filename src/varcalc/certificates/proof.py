@@ -49,7 +49,7 @@ from varcalc.verify.candidate import candidate, in_regular_form
 
 BITS = 128
 """Precision of the balls."""
-TERMS = 24
+SERIES_LENGTH = 24
 """Length to which Arb keeps series: more than any Taylor form here has terms."""
 
 WIDE = 1e-13
@@ -133,7 +133,7 @@ def certify(solution: Solution, *, digits: int | None = None, progress: Progress
     if not solution.status.ok:
         raise VariationalError(solution)
     try:
-        with telling(progress, solution.problem.name) as told, working(BITS, TERMS):
+        with telling(progress, solution.problem.name) as told, working(BITS, SERIES_LENGTH):
             exact, written = _exact(solution)
             found = _proved(exact, partial(told, 0, None))
     except (Unproved, Undecided) as unproved:

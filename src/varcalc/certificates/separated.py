@@ -36,9 +36,9 @@ from varcalc.symbolic.tracing import Expression, TracedFunction
 
 RATIO = 0.25
 """p^2 u^r/N at the place up to which the curve is bounded so: it turns where that is 1."""
-FARTHEST, SURROUNDINGS = 0.5, 2.0**-9
+GREATEST_SHARE, SURROUNDINGS = 0.5, 2.0**-9
 """Greatest share of the interval for that, and how far curves may lie from this one at its end, relative to u."""
-TERMS = 80
+SERIES_TERMS = 80
 """Terms of the series."""
 LESS_BENT = 2.0**-10
 """What the cost bends less than the bound, relative to it."""
@@ -65,11 +65,11 @@ class Depths:
         if not ratio * 3 < 2:
             raise Unproved("beside the line where L is infinite curves may go deeper than where they turn")
         term, total = u**e, arb(0)
-        for k in range(TERMS):
+        for k in range(SERIES_TERMS):
             total += term / (e + r * k)
             term *= (k - a) / (k + 1) * ratio
         # from term to term they fall by the ratio times (k - a)/(k + 1) < 3/2 at least
-        rest = abs(term) / (e + r * TERMS) / (1 - ratio * 3 / 2)
+        rest = abs(term) / (e + r * SERIES_TERMS) / (1 - ratio * 3 / 2)
         return total + arb(0, 1) * rest.upper()
 
     @property
@@ -242,7 +242,7 @@ def separated(solution: Solution) -> Separated | None:
 def _parted(solution: Solution, problem: Problem, depths: Depths, side: int, end: int) -> Separated | None:
     """A place on the curve where the metric is regular, and the curve not yet turned."""
     (a, b), sign = problem.span, 1 - 2 * end
-    x = problem.span[end] + sign * FARTHEST * (b - a) * np.geomspace(2.0**-30, 1.0, 400)
+    x = problem.span[end] + sign * GREATEST_SHARE * (b - a) * np.geomspace(2.0**-30, 1.0, 400)
     y, v = np.asarray(solution.y(x), dtype=float).reshape(-1), np.asarray(solution.dy(x), dtype=float).reshape(-1)
     u = side * (y - float((problem.start, problem.end)[end].values(1)[0]))
     steep = 1 / (1 + v**2)  # n/(1 + v^2)^(1/2) is the momentum

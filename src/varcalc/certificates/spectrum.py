@@ -32,8 +32,7 @@ from varcalc.certificates.ends import prove_ends
 from varcalc.certificates.inequalities import with_multipliers
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Undecided, head, reciprocal, without_enclosure
-from varcalc.certificates.proof import BITS, EXPRESSION
-from varcalc.certificates.proof import TERMS as LONGEST
+from varcalc.certificates.proof import BITS, EXPRESSION, SERIES_LENGTH
 from varcalc.certificates.rayleigh import homogeneous
 from varcalc.certificates.setting import setting_along
 from varcalc.certificates.statement import Statement, statement
@@ -46,7 +45,7 @@ from varcalc.progress import Interrupted, Progress, Telling, telling
 from varcalc.showing import line
 from varcalc.verify.along_curve import AlongCurve, in_form
 
-TERMS = 20
+PRODUCT_ORDER = 20
 """Order of the Taylor forms of integrals."""
 TOLERANCE = 1e-22
 """Remainders of integrals, in units of the eigenvalues."""
@@ -55,7 +54,7 @@ NEXT = 3
 """Eigenvalues, beyond those that are asked for, between which the widest gap is looked for."""
 NEARER = 0.75
 """Where in that gap r is."""
-NEAREST, FARTHEST = 2.0**-100, 2.0**-4
+NEAREST, FARTHEST_BOUND = 2.0**-100, 2.0**-4
 """Distances of a bound from Ritz's value that are tried, relative to r, each four times the one before."""
 POINTS_FOR_GAMMA = 65
 """Points of an element at which L is looked at for gamma."""
@@ -135,7 +134,7 @@ def certify_eigenvalues(problem: Problem, count: int, *, progress: Progress = No
     _check(stated)
     found: list[Eigenvalue] = []
     try:
-        with telling(progress, problem.name) as told, working(BITS, LONGEST):
+        with telling(progress, problem.name) as told, working(BITS, SERIES_LENGTH):
             for eigenvalue in _proof(stated, count, told):
                 seconds = time.perf_counter() - began
                 found.append(replace(eigenvalue, proved=(*eigenvalue.proved, *lost), seconds=seconds))
@@ -277,9 +276,9 @@ class _Forms:
         return totals[0], totals[1], totals[2]
 
     def _on_box(self, k: int, box: Box) -> list[tuple[int, int, int, tuple[Ball, Ball]]]:
-        views = [self._series(k, Around(box, TERMS + 1 + w, bool(w))) for w in (0, 1)]
+        views = [self._series(k, Around(box, PRODUCT_ORDER + 1 + w, bool(w))) for w in (0, 1)]
         return [
-            (form, i, j, integral(centred, around, TERMS))
+            (form, i, j, integral(centred, around, PRODUCT_ORDER))
             for (form, i, j, centred), (*_, around) in zip(*views, strict=True)
         ]
 
@@ -324,7 +323,7 @@ def _bounds(matrices: tuple[Matrix, Matrix, Matrix], r: float, gamma: float, k: 
 
     room = NEAREST
     low = high = None
-    while room < FARTHEST and (low is None or high is None):
+    while room < FARTHEST_BOUND and (low is None or high is None):
         t, top = (quotient.lower() - shifted * room).lower(), (quotient.upper() + shifted * room).upper()
         if low is None and t > 0 and falling([found.arb(1), -(shifted + t), shifted * t]) >= m - k:
             low = t

@@ -8,7 +8,7 @@ from typing import Any
 
 from varcalc.certificates.balls import Around, Ball, Box, Series, coefficient, enclosed, flint, integral
 
-TERMS = 16
+TAYLOR_ORDER = 16
 """Order of the Taylor forms."""
 
 
@@ -49,7 +49,7 @@ class Values:
     @cached_property
     def ball(self) -> Ball:
         """All that the function takes on the box."""
-        return enclosed(self.middle, self.whole, TERMS)
+        return enclosed(self.middle, self.whole, TAYLOR_ORDER)
 
     @property
     def positive(self) -> bool:
@@ -64,22 +64,22 @@ class Values:
         """The number of the first coefficient at the end of the interval that does not vanish exactly."""
         if self.end is None:
             return None
-        return next((k for k in range(TERMS) if not coefficient(self.end, k).is_zero()), None)
+        return next((k for k in range(TAYLOR_ORDER) if not coefficient(self.end, k).is_zero()), None)
 
     def integral(self) -> Ball:
         """The integral over t in [-1, 1]."""
-        return sum(integral(self.middle, self.whole, TERMS))
+        return sum(integral(self.middle, self.whole, TAYLOR_ORDER))
 
     @property
     def rough(self) -> Ball:
         """The remainder."""
-        return abs(coefficient(self.whole, TERMS)).upper()
+        return abs(coefficient(self.whole, TAYLOR_ORDER)).upper()
 
     def half_integral(self) -> Ball:
         """The integral over t in [-1, 0]."""
         found = flint()
-        total = sum((coefficient(self.middle, k) * (-1) ** k / (k + 1) for k in range(TERMS)), found.arb(0))
-        return total + coefficient(self.whole, TERMS) * found.arb(0, 1) / (TERMS + 1)
+        total = sum((coefficient(self.middle, k) * (-1) ** k / (k + 1) for k in range(TAYLOR_ORDER)), found.arb(0))
+        return total + coefficient(self.whole, TAYLOR_ORDER) * found.arb(0, 1) / (TAYLOR_ORDER + 1)
 
 
 class AtEnd(Around):
@@ -99,9 +99,9 @@ def views_of(box: Box, first: float | None, last: float | None) -> list[Around]:
 
     ``first`` and ``last`` are the abscissae of the interval's ends on the piece of the box, None where it has none.
     """
-    views = [Around(box, TERMS + 1, whole=False), Around(box, TERMS + 1, whole=True)]
+    views = [Around(box, TAYLOR_ORDER + 1, whole=False), Around(box, TAYLOR_ORDER + 1, whole=True)]
     if first is not None and box.low == -1:
-        views.append(AtEnd(box, TERMS + 1, -1, first))
+        views.append(AtEnd(box, TAYLOR_ORDER + 1, -1, first))
     elif last is not None and box.high == 1:
-        views.append(AtEnd(box, TERMS + 1, 1, last))
+        views.append(AtEnd(box, TAYLOR_ORDER + 1, 1, last))
     return views

@@ -27,7 +27,7 @@ from varcalc.certificates.statement import Statement
 
 Matrix: TypeAlias = list[list[Any]]
 """Of polynomials, series or numbers."""
-TERMS = 10
+INEQUALITY_ORDER = 10
 """Order of the Taylor forms of the inequality."""
 AT_MIDDLE = 2
 """The same at the middle of a box, where only Q has a slope."""
@@ -185,7 +185,9 @@ class Prover:
             return self._holds_for_numbers(k, Around(box, AT_MIDDLE, True))
 
     def _holds_smoothly(self, k: int, box: Box) -> bool:
-        views = [self._demands(k, Around(box, TERMS + 1 + w, w), TERMS + 1 + w) for w in (False, True)]
+        views = [
+            self._demands(k, Around(box, INEQUALITY_ORDER + 1 + w, w), INEQUALITY_ORDER + 1 + w) for w in (False, True)
+        ]
         (demands, matrices), (beside, rests) = views
         return _enclosed_positive(demands, beside) and all(map(_definite, matrices, rests))
 
@@ -321,7 +323,7 @@ def _eliminated(matrix: Matrix) -> list[Series]:
 
 
 def _enclosed_positive(centred: Sequence[Series], whole: Sequence[Series]) -> bool:
-    return _positive([enclosed(c, w, TERMS) for c, w in zip(centred, whole, strict=True)])
+    return _positive([enclosed(c, w, INEQUALITY_ORDER) for c, w in zip(centred, whole, strict=True)])
 
 
 def _definite(centred: Matrix, whole: Matrix) -> bool:
@@ -336,8 +338,10 @@ def _definite(centred: Matrix, whole: Matrix) -> bool:
 
 def _coefficients(centred: Matrix, whole: Matrix) -> list[Any]:
     """The matrices by which the powers of t come in a Taylor form, the last one over all of the box."""
-    rows = [[[coefficient(v, k) for v in row] for row in centred] for k in range(TERMS)]
-    return [flint().arb_mat(grid) for grid in (*rows, [[coefficient(v, TERMS) for v in row] for row in whole])]
+    rows = [[[coefficient(v, k) for v in row] for row in centred] for k in range(INEQUALITY_ORDER)]
+    return [
+        flint().arb_mat(grid) for grid in (*rows, [[coefficient(v, INEQUALITY_ORDER) for v in row] for row in whole])
+    ]
 
 
 def definite(coefficients: Sequence[Any]) -> bool:

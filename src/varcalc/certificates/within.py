@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Poly, Series, coefficient, flint, nodes, polynomial
-from varcalc.certificates.curve import DEGREE, Piece, end_values, integrated, nodes_within
+from varcalc.certificates.curve import CURVE_DEGREE, Piece, end_values, integrated, nodes_within
 from varcalc.certificates.integrals import Unproved, along_curve
 from varcalc.certificates.jets import Jet, Undecided, jets, without_enclosure
 from varcalc.certificates.levels import meeting
@@ -178,12 +178,12 @@ class Within:
         rows = [self._gradients(a, b) for a, b in pairwise(edges)]
         known = _at_joints(rows) or self._at_ends()
         if not known:
-            return [np.zeros((DEGREE + 1, self._along.n))] * len(rows)
+            return [np.zeros((CURVE_DEGREE + 1, self._along.n))] * len(rows)
         places, columns = [edges[k] for k in sorted(known)], np.array([known[k] for k in sorted(known)]).T
         joints = np.array([[np.interp(x, places, column) for column in columns] for x in edges])
         lines = []
         for k, row in enumerate(rows):
-            (start, end), share = joints[k : k + 2], 0.5 * (1 + nodes(DEGREE))[:, None]
+            (start, end), share = joints[k : k + 2], 0.5 * (1 + nodes(CURVE_DEGREE))[:, None]
             line = start + share * (end - start)
             if row is not None:
                 line = row + (start - row[0]) * (1 - share) + (end - row[-1]) * share
@@ -286,7 +286,7 @@ def _beginning(series: Series, value: float) -> Series:
 def _effect(setting: Setting, k: int, way: list[Poly]) -> np.ndarray:
     """What a way of the functions on a piece changes of what is integrated to levels, in numbers and to first order."""
     s, bare = setting.samples[k], setting.statement.bare
-    places = [flint().arb(float(t)) for t in nodes(DEGREE)]
+    places = [flint().arb(float(t)) for t in nodes(CURVE_DEGREE)]
     total = np.zeros((len(s.x), setting.statement.levels))
     for i, poly in enumerate(way):
         slope = poly.derivative()

@@ -31,7 +31,7 @@ GRADING_HALVINGS = 26
 ROUGH_DEGREE, CUT_DEGREE = 4, 8
 ROUGHLY = 1e-4
 """Error of the value with which the mesh is cut for the first time."""
-ROUNDS = 12
+MESHES_CUT = 12
 """Meshes that are cut."""
 PLACES_AN_ELEMENT = 16
 """Places of an element at which it is seen on which side of a kink a curve is."""
@@ -97,7 +97,7 @@ def at_constant_speed(problem: Functional, method: Ritz, tol: float, guess: Samp
     if rough.extremal is None or not len(met := _met(problem, rough.extremal)):
         return None
     before, cuts, spent = _Round(rough, np.zeros(0), met), met, rough.stats.iterations
-    for _ in range(ROUNDS):
+    for _ in range(MESHES_CUT):
         solution = _on_cut_mesh(_of_degree(method, CUT_DEGREE), form, before, cuts, tol)
         if solution.extremal is None or not len(met := _met(problem, solution.extremal)):
             return None

@@ -52,7 +52,7 @@ NEAR_ENDS = 1e-3
 """Share of the interval within which what is followed is followed from an end, or to it."""
 VANISHED = 1.5
 """Of the least length that a piece may have: one that is no longer has vanished."""
-ROUNDS = 6
+TIMES_PUT_TOGETHER = 6
 """Times that pieces are put together anew."""
 BESIDE_JUMP, FURTHER_ASIDE = 1e-3, 10.0
 """Distance from a jump, in units of what counts as on it, at which a curve runs that would run along it; and by what
@@ -73,7 +73,7 @@ def settled(
     It has corners near the abscissae at which it is ``bent`` as well.
     """
     on_jump: float | None = None  # the value along a curve on a jump itself
-    for _ in range(ROUNDS):
+    for _ in range(TIMES_PUT_TOGETHER):
         solution = None if len(found) > MOST else _broken_in_valley(problem, method, tol, curve, found, bent)
         if solution is None or solution.curve is None:
             return None

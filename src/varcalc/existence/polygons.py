@@ -55,7 +55,7 @@ MOST_PATHS = 16
 """Polygons that are read, the lowest first."""
 BETWEEN = np.array([0.25, 0.5, 0.75])[:, None]
 """Where on the way from one polygon to another a ridge is looked for."""
-FARTHEST = 1e12 * 10.0 ** -np.arange(0, 10, 3.0)
+FARTHEST_ARCH = 1e12 * 10.0 ** -np.arange(0, 10, 3.0)
 """How far out an arch is tried at most, in extents, and less far where L is no number there."""
 FALLEN = 1e3
 """How far below what the curve's own polygon sums it has to lie there."""
@@ -446,7 +446,7 @@ class Lattice:
         if not self.landscape.closed:
             free = not self.landscape.held[0], not self.landscape.held[1]
             shapes += [shape for shape, moves in zip((1 - share, share), free, strict=True) if moves]
-        sizes = self.steep * (self.x[-1] - self.x[0]) * np.concatenate([FARTHEST, -FARTHEST])
+        sizes = self.steep * (self.x[-1] - self.x[0]) * np.concatenate([FARTHEST_ARCH, -FARTHEST_ARCH])
         away = (np.array(shapes)[:, None] * sizes[:, None]).reshape(-1, len(share))
         curves = self.c + away
         heights, slopes = 0.5 * (curves[:, 1:] + curves[:, :-1]), np.diff(curves) / self.steps

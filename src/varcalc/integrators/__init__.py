@@ -14,7 +14,7 @@ from dataclasses import replace
 import casadi as ca
 
 from varcalc.integrators.attentive import Attentive
-from varcalc.integrators.dop853 import SMALLEST, TOGETHER, Dop853, installed
+from varcalc.integrators.dop853 import RUNS_TOGETHER, SMALLEST, Dop853, installed
 from varcalc.integrators.lowering import CannotLower
 from varcalc.integrators.on_demand import STEPS, OnDemand
 from varcalc.integrators.piecewise import Continuous, Piecewise
@@ -122,7 +122,7 @@ def spread(
     They are waited for within ``stoppable``. DOP853 is NumPy's calls, which take turns: for it a second thread is worth
     only many runs.
     """
-    spread_over(work, count, SMALLEST_SHARE if compiles() else TOGETHER, stoppable)
+    spread_over(work, count, SMALLEST_SHARE if compiles() else RUNS_TOGETHER, stoppable)
 
 
 def _to_all_digits(engine: Engine) -> Engine:

@@ -33,7 +33,7 @@ SMALLEST = 100 * float(np.finfo(float).eps)
 """The smallest relative tolerance that rounding leaves a meaning."""
 LOOK = 1e-6
 """The tolerance of a look, where that of the engine is smaller."""
-TOGETHER = 8192
+RUNS_TOGETHER = 8192
 """Runs that take their steps together."""
 NOTED = 2000
 """So many runs at a time would be worth the compilation by heyoka: its absence is told."""
@@ -142,7 +142,7 @@ class Dop853Flow:
             bounds = np.abs(usual.reached - landing.reached) / (2**level * usual.steps + 1)
         kept: list[tuple[np.ndarray, Interpolant]] | None = [] if dense else None
         tolerance = max(self.engine.tolerance_at(level), self.method.least)
-        for rows in np.array_split(np.arange(len(states)), max(1, -(-len(states) // TOGETHER))):
+        for rows in np.array_split(np.arange(len(states)), max(1, -(-len(states) // RUNS_TOGETHER))):
             Runs(
                 self.method, self.stops, landing, constants, until, bounds, rows, tolerance, self.engine.most_steps,
                 leaving, kept,

@@ -18,7 +18,7 @@ from varcalc.integrators.lowering import lower
 from varcalc.integrators.protocol import BLOW_UP, COMPLETED, NONE, NOT_FINITE, STOPPED, TOO_MANY_STEPS, Landing, begun
 from varcalc.integrators.taylor_step import ARRIVED, LOST, MET, TaylorStep
 
-TOGETHER = 4096
+RUNS_BUFFERED = 4096
 """Runs that take their steps together: enough to make up for the call, and few enough to stay near the processor."""
 ENDED_SHARE = 16
 """A run that has ended is taken out when one in so many has: until then it ends again, the same way."""
@@ -149,7 +149,7 @@ class _Pool:
 
     def __init__(self, rows: int, waiting: np.ndarray) -> None:
         self.rows, self.waiting = rows, waiting
-        self._buffers = [np.empty((rows + 1) * min(TOGETHER, waiting.shape[1])) for _ in range(2)]
+        self._buffers = [np.empty((rows + 1) * min(RUNS_BUFFERED, waiting.shape[1])) for _ in range(2)]
         self.places, self.since = np.zeros(0, dtype=int), np.zeros(0, dtype=int)
         self.begun = 0
         self._fill(np.empty((rows, 0)), 0)
@@ -185,7 +185,7 @@ class _Pool:
         return ended
 
     def _fill(self, going: np.ndarray, now: int) -> None:
-        more = np.arange(self.begun, min(self.begun + TOGETHER - len(self.places), self.waiting.shape[1]))
+        more = np.arange(self.begun, min(self.begun + RUNS_BUFFERED - len(self.places), self.waiting.shape[1]))
         self.begun += len(more)
         old = len(self.places)
         self.places = np.concatenate([self.places, more])

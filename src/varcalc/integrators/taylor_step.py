@@ -47,7 +47,7 @@ NO_SIGN = 4 * float(np.finfo(float).eps)
 """Of a stopping function: what says nothing of its sign."""
 THROUGH = 1e-3
 """Of the time in which the state changes by its own size: so far on both sides of a stop its sign is told."""
-ROUNDS = 4
+STOP_STEPS = 4
 """Newton's steps, kept inside a bracket, to the zero of a stopping function."""
 LAST_CORRECTION = 1e-6
 """The last of them, as a part of the step: one more, on the function itself, leads to round-off."""
@@ -234,7 +234,7 @@ def _zero(
         number, level = ca.if_else(crossed[j], j, number), ca.if_else(crossed[j], one, level)
     slope = _slope(level)
     low, high, at, step = ca.SX(0), h, h * level[0] / (level[0] - _polynomial(level, h)), ca.SX(0)
-    for _ in range(ROUNDS):
+    for _ in range(STOP_STEPS):
         here = _polynomial(level, at)
         before = here * level[0] > 0
         low, high = ca.if_else(before, at, low), ca.if_else(before, high, at)

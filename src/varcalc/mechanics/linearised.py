@@ -13,7 +13,7 @@ import scipy.linalg
 
 from varcalc.mechanics.constraints import Held
 from varcalc.mechanics.lagrange import PLACES, Lagrange
-from varcalc.numerics.spectrum import DEFECTIVE, NOISE, Spectrum
+from varcalc.numerics.spectrum import DEFECTIVE, MATRIX_ROUND_OFF, Spectrum
 from varcalc.showing import Fact, Shown, counted
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
@@ -138,7 +138,7 @@ class Linearised(Shown):
     @property
     def _round_off(self) -> float:
         """Of the largest squared frequency: what is less is a zero mode."""
-        return NOISE * len(self.mass)
+        return MATRIX_ROUND_OFF * len(self.mass)
 
     @cached_property
     def _conservative(self) -> bool:
@@ -157,7 +157,9 @@ class Linearised(Shown):
         stiffness, resistance = self._own_units
         symmetric = np.abs(stiffness - stiffness.T).max(initial=0.0) <= FORCE_ROUND_OFF
         firm = _least(stiffness) > self._round_off * np.abs(np.linalg.eigvalsh((stiffness + stiffness.T) / 2)).max()
-        return bool(symmetric and firm and _least(resistance) >= -NOISE * np.abs(resistance).max(initial=0.0))
+        return bool(
+            symmetric and firm and _least(resistance) >= -MATRIX_ROUND_OFF * np.abs(resistance).max(initial=0.0)
+        )
 
     @cached_property
     def _slack(self) -> tuple[np.ndarray, np.ndarray]:
@@ -178,7 +180,7 @@ class Linearised(Shown):
         (right, left), m = self._slack, len(self.mass)
         if right.shape[1]:  # a motion t z + y along z without stiffness needs K y = -(D + G) z
             held = np.linalg.svd(left.T @ self._scaled[0][m:, m:] @ right, compute_uv=False)
-            if held[-1] <= DEFECTIVE * NOISE:
+            if held[-1] <= DEFECTIVE * MATRIX_ROUND_OFF:
                 return False
         undamped = (np.real(exponents) == 0) & (exponents != 0)
         return bool(np.all(self._spectrum.alone[undamped]))

@@ -19,11 +19,11 @@ from numpy.polynomial import chebyshev
 from varcalc.numerics.chebyshev import roots, to_series
 from varcalc.numerics.roots import bracketed_newton
 
-DEGREE = 15
+PROXY_DEGREE = 15
 """Of the series: about the cheapest for twelve digits, whatever the function."""
-RESOLVED = 1e-11
+PROXY_RESOLVED = 1e-11
 """Of a function's largest value in a panel: the last coefficients of a series that stands for it."""
-ENOUGH = RESOLVED / 10
+ENOUGH = PROXY_RESOLVED / 10
 """How well values need be told for that."""
 FORETOLD = 10.0
 """By how many times that the series may be off at places that it has not seen."""
@@ -112,11 +112,11 @@ class Proxies:
         return middle - half / np.cos(np.pi / 8), middle + half / np.cos(np.pi / 8)
 
 
-_POINTS, _TO_SERIES = roots(DEGREE + 1), to_series(DEGREE + 1)
-_HALVES = [_TO_SERIES @ chebyshev.chebvander((_POINTS + side) / 2, DEGREE) for side in (-1, 1)]
+_POINTS, _TO_SERIES = roots(PROXY_DEGREE + 1), to_series(PROXY_DEGREE + 1)
+_HALVES = [_TO_SERIES @ chebyshev.chebvander((_POINTS + side) / 2, PROXY_DEGREE) for side in (-1, 1)]
 """From a series to those on the left and on the right half of its panel."""
-_AT_MANY = chebyshev.chebvander(roots(4 * DEGREE), DEGREE)
-_AT_CHECKED = chebyshev.chebvander(CHECKED, DEGREE)
+_AT_MANY = chebyshev.chebvander(roots(4 * PROXY_DEGREE), PROXY_DEGREE)
+_AT_CHECKED = chebyshev.chebvander(CHECKED, PROXY_DEGREE)
 
 
 @dataclass(frozen=True)
@@ -203,8 +203,8 @@ def _series(
     functions: Functions, family: np.ndarray, low: np.ndarray, high: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Whether (P,) series stand for the functions at points and checked places (P, N + 2, F), and them (P, F, N)."""
-    noise = np.maximum(np.stack([functions.noise(family, low), functions.noise(family, high)]), RESOLVED)
-    own, checked = values[:, : DEGREE + 1], values[:, DEGREE + 1 :]
+    noise = np.maximum(np.stack([functions.noise(family, low), functions.noise(family, high)]), PROXY_RESOLVED)
+    own, checked = values[:, : PROXY_DEGREE + 1], values[:, PROXY_DEGREE + 1 :]
     series = np.einsum("kn,pnf->pfk", _TO_SERIES, own)
     with np.errstate(all="ignore"):
         scale = functions.scale(family)

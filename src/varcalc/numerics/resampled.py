@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-DEGREE = 20
+PIECE_DEGREE = 20
 """Of the polynomial on a piece."""
-RESOLVED = 4e-15
+ROUNDED_ALIKE = 4e-15
 """Distance between function and polynomial, relative to the function, that is rounding."""
 COARSER = 1.3
 """Factor by which a distance is allowed for each time a piece was halved: a function that is no better known than that
 gains nothing by smaller pieces, and next to an infinite slope nothing else is left."""
-SMOOTHER, NOISE = 0.2, 1e-5
+SMOOTHER, MOST_NOISE = 0.2, 1e-5
 """Of what a piece misses, one half misses less unless it is noise; and noise is no more than that, in its units."""
 MOST_PIECES = 256
 """Pieces at one time that are halved no further: there the function is noise."""
@@ -31,9 +31,11 @@ SMALLEST = 1e-14
 INSIDE = 8 * float(np.finfo(float).eps)
 """Distance from an edge, relative to where the edges lie, at which the function is that of the piece within."""
 
-_NODES = -np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
-_WEIGHTS = (-1.0) ** np.arange(DEGREE + 1) * np.where(np.isin(np.arange(DEGREE + 1), (0, DEGREE)), 0.5, 1.0)
-_BETWEEN = 0.5 * (_NODES[:-1] + _NODES[1:])[:: DEGREE // 5]
+_NODES = -np.cos(np.pi * np.arange(PIECE_DEGREE + 1) / PIECE_DEGREE)
+_WEIGHTS = (-1.0) ** np.arange(PIECE_DEGREE + 1) * np.where(
+    np.isin(np.arange(PIECE_DEGREE + 1), (0, PIECE_DEGREE)), 0.5, 1.0
+)
+_BETWEEN = 0.5 * (_NODES[:-1] + _NODES[1:])[:: PIECE_DEGREE // 5]
 """Where the interpolant is held against the function."""
 
 
@@ -109,17 +111,17 @@ def polynomials(function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray)
         least, most = left + room * np.isin(left, inner), right - room * np.isin(right, inner)
         found = np.asarray(function(np.clip(x, least[:, None], most[:, None]).ravel()), dtype=float)
         sampled = found.reshape(len(found), *x.shape).swapaxes(0, 1)
-        values, between = sampled[:, :, : DEGREE + 1], sampled[:, :, DEGREE + 1 :]
+        values, between = sampled[:, :, : PIECE_DEGREE + 1], sampled[:, :, PIECE_DEGREE + 1 :]
         finite = np.abs(values[np.isfinite(values)])
         size = max(size, float(np.median(finite)) if finite.size else 0.0)
         guessed = np.stack([_interpolated(values, np.full(len(values), t)).T for t in _BETWEEN], axis=2)
         with np.errstate(invalid="ignore"):
-            alike = RESOLVED * COARSER**halving * np.maximum(size, np.abs(values).max(2, keepdims=True))
+            alike = ROUNDED_ALIKE * COARSER**halving * np.maximum(size, np.abs(values).max(2, keepdims=True))
             apart = np.abs(guessed - between)
             missed = apart.max((1, 2))
             halves = missed.reshape(2, -1) if halving else missed[None]
             noisy = np.tile(halves.min(0), len(halves)) > SMOOTHER * before
-            noisy &= missed <= NOISE * size
+            noisy &= missed <= MOST_NOISE * size
             good = (np.all(apart <= alike, axis=(1, 2)) | noisy) & np.isfinite(values).all((1, 2))
         good |= (len(left) > MOST_PIECES) | (right - left <= SMALLEST * (edges[-1] - edges[0]))
         known += [(a, v) for a, v in zip(left[good], values[good], strict=True)]
@@ -138,7 +140,7 @@ def _without_infinities(values: np.ndarray) -> np.ndarray:
     for piece, row in zip(*np.nonzero(~np.isfinite(values).all(2)), strict=True):
         good = np.flatnonzero(np.isfinite(values[piece, row]))
         if len(good):
-            nearest = good[np.abs(np.subtract.outer(np.arange(DEGREE + 1), good)).argmin(1)]
+            nearest = good[np.abs(np.subtract.outer(np.arange(PIECE_DEGREE + 1), good)).argmin(1)]
             values[piece, row] = values[piece, row][nearest]
     return values
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-NOISE = 64 * float(np.finfo(float).eps)
+MATRIX_ROUND_OFF = 64 * float(np.finfo(float).eps)
 """Of the matrix, times the condition of an eigenvalue: by how much that may be rounded."""
 DEFECTIVE = 1e6
 """Condition from which on an eigenvalue may lack a vector."""
@@ -33,7 +33,12 @@ class Spectrum:
         values, left, right = (np.asarray(part) for part in scipy.linalg.eig(balanced, left=True, right=True))
         with np.errstate(divide="ignore"):
             conditions = 1 / np.abs(np.sum(left.conj() * right, axis=0))
-        return cls(values, units[:, None] * right, conditions, NOISE * float(np.linalg.norm(balanced, 2)) * conditions)
+        return cls(
+            values,
+            units[:, None] * right,
+            conditions,
+            MATRIX_ROUND_OFF * float(np.linalg.norm(balanced, 2)) * conditions,
+        )
 
     def __getitem__(self, order: np.ndarray) -> Spectrum:
         return Spectrum(self.values[order], self.vectors[:, order], self.conditions[order], self.noise[order])

@@ -30,7 +30,7 @@ FIRST_INTERVALS = 256
 """Intervals of the first grid."""
 MOST_TRAJECTORIES = 4096
 """Trajectories of one scan."""
-TOGETHER = 64
+TRAJECTORIES_TOGETHER = 64
 """Trajectories that are followed together."""
 DEEPEST_HALVING = 22
 """Halvings of an interval between two trajectories that arrived."""
@@ -102,7 +102,7 @@ class _Scan:
 
     def _together(self, budget: float) -> int:
         """How many trajectories may be followed together without going beyond a budget of steps."""
-        return max(1, min(TOGETHER, int((budget - self.steps) / STEPS_PER_TRAJECTORY)))
+        return max(1, min(TRAJECTORIES_TOGETHER, int((budget - self.steps) / STEPS_PER_TRAJECTORY)))
 
     def reach(self, grid: np.ndarray) -> np.ndarray:
         """The part of a symmetric grid, from the middle outwards, that half of the budget pays for."""

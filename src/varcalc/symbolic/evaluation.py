@@ -19,7 +19,7 @@ import numpy as np
 
 from varcalc.symbolic.instructions import BINARY, NAMES, UNARY, Call, instructions
 
-TOGETHER = 64
+POINTS_TOGETHER = 64
 """Points that CasADi evaluates in one go, at most."""
 FREE = 4000
 """Instructions, times points, that take less time than what comes with every call."""
@@ -70,7 +70,7 @@ class PointEvaluator:
             calls = 0
             if function.find_functions():
                 calls = [function.instruction_id(k) for k in range(length)].count(ca.OP_CALL)
-            self.usual = min(TOGETHER, max(1, FREE // (length + A_CALL * calls)))
+            self.usual = min(POINTS_TOGETHER, max(1, FREE // (length + A_CALL * calls)))
             self._before_reading = min(POINTS_AN_INSTRUCTION * length, MOST_POINTS)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -152,7 +152,7 @@ class PointEvaluator:
 
     def _room(self, count: int) -> _Room:
         """Memory for so many points or fewer, all of which are wanted; for a few more where that costs nothing."""
-        size = max(self.usual, 1 << min(count, TOGETHER).bit_length() - 1)
+        size = max(self.usual, 1 << min(count, POINTS_TOGETHER).bit_length() - 1)
         if size not in self._rooms:
             self._rooms[size] = _Room(self.function, size, self._places)
         return self._rooms[size]

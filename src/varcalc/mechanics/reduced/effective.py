@@ -31,7 +31,7 @@ MOST_PLACES_OF_POTENTIAL = 4000
 """Places at which a potential that varies fast is looked at."""
 DISTANCES = np.geomspace(1e-12, 1e12, 600)
 """Distances along a line at which a potential is looked at to begin with."""
-FARTHEST = 1e12
+FARTHEST_PLACE = 1e12
 PROBES = np.array([0.0, 0.37, -0.41, 1.1, -1.3, 2.9, -3.1, 20.0, -20.0])
 """Places in u at one of which a potential is a number."""
 
@@ -139,7 +139,7 @@ class _TracedPotential:
 
     @property
     def _span(self) -> tuple[float, float]:
-        return tuple(np.clip(self.limits, -FARTHEST, FARTHEST).tolist())
+        return tuple(np.clip(self.limits, -FARTHEST_PLACE, FARTHEST_PLACE).tolist())
 
     @cached_property
     def stops(self) -> np.ndarray:

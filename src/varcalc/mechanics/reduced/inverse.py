@@ -14,9 +14,9 @@ from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import trace
 
-COARSEST, FARTHEST = 0.5, 4.5
+COARSEST, REACH = 0.5, 4.5
 """Step of t to begin with, and its reach: what is left out beyond is e^-70 of the whole."""
-ROUNDS = 6
+STEP_HALVINGS = 6
 """Times the step is halved."""
 AGREED = 1e-12
 """Of the width: how well two rules must agree, of which the finer is better still."""
@@ -98,7 +98,7 @@ def well_width(period: Callable[[np.ndarray], np.ndarray], depth: Any, *, mass: 
         raise ValueError(f"depth must be positive numbers, not {depth!r}")
     flat, step = heights.ravel(), COARSEST
     last = _width(period, flat, step)
-    for _ in range(ROUNDS):
+    for _ in range(STEP_HALVINGS):
         step /= 2
         before, last = last, _width(period, flat, step)
         if np.all(np.abs(last - before) <= AGREED * np.abs(last)):
@@ -108,7 +108,7 @@ def well_width(period: Callable[[np.ndarray], np.ndarray], depth: Any, *, mass: 
 
 def _width(period: Callable[[np.ndarray], np.ndarray], heights: np.ndarray, step: float) -> np.ndarray:
     """∫ T/√(U - E) dE (m,) by the double exponential rule, E = U/(1 + exp(-π sinh t)): both ends may be singular."""
-    t = np.arange(-FARTHEST, FARTHEST + step / 2, step)
+    t = np.arange(-REACH, REACH + step / 2, step)
     grown = np.exp(np.pi * np.sinh(t))
     share = grown / (1 + grown)
     # dE/√(U - E) = √U share √(1 - share) π cosh t dt

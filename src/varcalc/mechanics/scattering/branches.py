@@ -17,7 +17,7 @@ UNDECIDED_IMPACT = 64 * float(np.finfo(float).eps)
 """Of an impact parameter: nearer to one at which the angle diverges or jumps round-off decides on which side it is."""
 LEAST_DEFLECTION = 1e-12
 """Radians: impact parameters at which an orbit is deflected by less are not looked at."""
-FIRST, ROUNDS = 64, 10
+FIRST, PLACE_HALVINGS = 64, 10
 """Places that are looked at in each interval to begin with, and times they are halved."""
 BENT = 3e-3
 """Of its change, or of a radian: how well a cubic must foretell the angle in the middle of two places."""
@@ -171,7 +171,7 @@ class _Sampled:
         if len(one.z) < 2 or np.abs(one.angle).max() <= SAME_ANGLE:
             return None
         one = one.within()
-        for _ in range(ROUNDS):
+        for _ in range(PLACE_HALVINGS):
             middles = one.coarse()
             if len(middles) == 0:
                 break

@@ -13,9 +13,9 @@ from varcalc.problem.conditions import positive, reals
 from varcalc.spelling import spelled
 
 GAUSS_POINTS = 16
-FARTHEST = 80.0
+FARTHEST_LOGARITHM = 80.0
 """Of ln(2b/w): beyond it next to nothing is left of an angle that falls off as 1/b."""
-FIRST, ROUNDS = 10, 7
+FIRST, PANEL_DOUBLINGS = 10, 7
 """Panels to begin with, and times their number is doubled."""
 AGREED = 1e-12
 """Of the exponent: how well two rules must agree, of which the finer is better still."""
@@ -58,7 +58,7 @@ def firsov(deflection: Callable[[np.ndarray], np.ndarray], energy: float, w: Any
         raise ValueError(f"w must be positive numbers, not {w!r}")
     flat, panels = start.ravel(), FIRST
     last = _exponent(deflection, flat, panels)
-    for _ in range(ROUNDS):
+    for _ in range(PANEL_DOUBLINGS):
         panels *= 2
         before, last = last, _exponent(deflection, flat, panels)
         if np.all(np.abs(last - before) <= AGREED):
@@ -71,7 +71,7 @@ def firsov(deflection: Callable[[np.ndarray], np.ndarray], energy: float, w: Any
 
 def _exponent(deflection: Callable[[np.ndarray], np.ndarray], w: np.ndarray, panels: int) -> np.ndarray:
     """ln(r/w) (m,) by so many panels of Gauss's rule."""
-    edges = FARTHEST * np.linspace(0.0, 1.0, panels + 1) ** 2  # narrow where the orbit comes close
+    edges = FARTHEST_LOGARITHM * np.linspace(0.0, 1.0, panels + 1) ** 2  # narrow where the orbit comes close
     t, weights = composite_gauss(edges, GAUSS_POINTS)
     angles = sampled("deflection", deflection, (w[:, None] * np.cosh(t)).ravel()).reshape(len(w), len(t))
     return angles @ weights / np.pi

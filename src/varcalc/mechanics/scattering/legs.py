@@ -22,7 +22,7 @@ import numpy as np
 from varcalc.mechanics.scattering.pieces import FeltChange, PieceOfEnergy
 from varcalc.numerics.one_coordinate.quadrature import integrals
 
-TOGETHER = 512
+LEGS_TOGETHER = 512
 """Legs that are integrated together; their arrays stay in the cache."""
 DEEP = 2.0
 """F at the inner end beyond which q is counted from the outer end."""
@@ -123,8 +123,8 @@ class Legs(ABC):
         ends = np.column_stack([self._counted(0 * free[:, None]), self._counted(free[:, None])])
         low, high = np.sort(ends, axis=1).T
         parts = [np.zeros((0, 2))]
-        for k in range(0, len(free), TOGETHER):
-            part = slice(k, k + TOGETHER)
+        for k in range(0, len(free), LEGS_TOGETHER):
+            part = slice(k, k + LEGS_TOGETHER)
             parts.append(integrals(self.take(part), low[part], high[part], agreed=self.agreed[part]))
         return np.concatenate(parts)
 

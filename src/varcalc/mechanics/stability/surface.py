@@ -15,11 +15,11 @@ from numpy.polynomial import chebyshev
 from varcalc.numerics.chebyshev import roots, to_series
 from varcalc.progress import Telling
 
-DEGREE = 23
+SURFACE_DEGREE = 23
 """Of the series, in either parameter."""
 TAIL = 4
 """Coefficients at the end of a series, in either parameter, that tell what it leaves out."""
-RESOLVED = 1e-12
+SURFACE_RESOLVED = 1e-12
 """Of the largest value in a panel: what may be left out."""
 MOST_PANELS = 400
 
@@ -69,7 +69,7 @@ class PiecewiseSeries:
                     raise
                 return cls(tuple(kept), resolved, stopped=True)
             size = np.abs(panel.coefficients).max(axis=(0, 1))
-            rough = np.any(tails > RESOLVED * size, axis=1)
+            rough = np.any(tails > SURFACE_RESOLVED * size, axis=1)
             if not np.any(rough) or not np.all(np.isfinite(tails)):
                 kept.append(panel)
                 resolved &= bool(np.all(np.isfinite(tails)))
@@ -120,7 +120,7 @@ class PiecewiseSeries:
 
 def _panel(values: Values, low: np.ndarray, high: np.ndarray) -> tuple[SeriesPatch, np.ndarray]:
     """The series between two corners, and the last coefficients in either parameter (2, F)."""
-    counts = [DEGREE + 1 if b > a else 1 for a, b in zip(low, high, strict=True)]
+    counts = [SURFACE_DEGREE + 1 if b > a else 1 for a, b in zip(low, high, strict=True)]
     places = [(a + b) / 2 + (b - a) / 2 * roots(count) for a, b, count in zip(low, high, counts, strict=True)]
     grid = np.meshgrid(*places, indexing="ij")
     sampled = values(grid[0].ravel(), grid[1].ravel()).reshape(*counts, -1)

@@ -28,7 +28,7 @@ from varcalc.symbolic.derived import derived
 
 DEGREES = (10, 16, 25, 39)
 """Degrees that are climbed; each is followed by the one in which its error is told."""
-ITERATIONS = 8
+BATCH_ITERATIONS = 8
 FROM_AFAR = 12
 """Newton steps after which a value is left to a solve of its own, begun close to a solution and from straight lines."""
 SHRINKING = 0.5
@@ -98,7 +98,7 @@ def solved(
             continue
         here = system_at(form, degree, places[rows])
         z = np.array([starts[row] for row in rows])[:, here.free]
-        z, found, steps = _roots(here, z, ITERATIONS if near else FROM_AFAR)
+        z, found, steps = _roots(here, z, BATCH_ITERATIONS if near else FROM_AFAR)
         answers.iterations[rows] += steps
         if found.any():
             onward = _judged(answers, rows[found], here.restricted(found), richer, z[found], tol)

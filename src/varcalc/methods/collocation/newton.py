@@ -11,7 +11,7 @@ import numpy as np
 from varcalc.methods.collocation.system import CollocationSystem, Residual
 from varcalc.numerics.damped_newton import Ending, LinearisedEquations, damped_newton
 
-ITERATIONS = 60
+NEWTON_ITERATIONS = 60
 SPARSE_FROM = 160
 """Unknowns from which a sparse factorisation is faster than a dense one."""
 BANDED_FROM = 48
@@ -236,7 +236,7 @@ REASONS = {
     Ending.CONVERGED: "",
     Ending.SINGULAR: "the linearised conditions are singular",
     Ending.DAMPED_OUT: "no step along the Newton direction brings the conditions nearer",
-    Ending.TOO_MANY: f"no convergence within {ITERATIONS} iterations",
+    Ending.TOO_MANY: f"no convergence within {NEWTON_ITERATIONS} iterations",
 }
 
 
@@ -246,7 +246,7 @@ def stationary(system: CollocationSystem, z: np.ndarray, scales: Sizes, residual
     if not residual.finite:
         return Iterated(z, residual, 0, "the Euler-Lagrange equation is not a number on the starting curve")
     with np.errstate(all="ignore"):  # trial curves may lie far off; what is no number is rejected
-        result = damped_newton(_Conditions(system, scales, residual), z, residual, ITERATIONS)
+        result = damped_newton(_Conditions(system, scales, residual), z, residual, NEWTON_ITERATIONS)
     return Iterated(result.z, result.at, result.iterations, REASONS[result.ending])
 
 

@@ -26,7 +26,7 @@ BISECTED_SHARE = 0.02
 MOST_UNKNOWNS = 6000
 MOST_ON_THE_WAY = 1000
 """The same for the stations of a continuation: where one needs more, the path leads to no extremal."""
-ROUNDS = 60
+MOST_MESHES = 60
 PATIENT_REFINEMENTS = 2
 """Refinements after which a curve that does not settle, though the value does, is given up."""
 SLOW = 0.8
@@ -129,7 +129,7 @@ class Refinement:
         history: History = []
         best: Improved | None = None
         stalls = adrift = 0
-        for root, assessment in self.levels(level, partial(_pays, history, tol), ROUNDS, most):
+        for root, assessment in self.levels(level, partial(_pays, history, tol), MOST_MESHES, most):
             error, target = assessment.value_error, tol * max(1.0, abs(assessment.value))
             met = assessment.trusted and (error <= target or not self.adaptive)
             if met and not (self.adaptive and self._astray(root, assessment, tol)):

@@ -12,7 +12,7 @@ from varcalc.methods.first_integral.lines import CurveIntegrals
 from varcalc.numerics.one_coordinate.panels import GRADED, DistanceMap, Panels, tails
 from varcalc.numerics.roots import EPSILON
 
-ROUNDS = 14
+MOST_REFINEMENTS = 14
 MOST_PANELS = 120
 LOOKS, MOST_SEEING = 60, 400
 """Bisections, and panels, with which what is narrow is looked for: the narrowest that is a number, and oscillations."""
@@ -101,7 +101,7 @@ def _sizes(measured: CurveIntegrals) -> tuple[float, float]:
 def _bisected(joined: Joined) -> Joined:
     """The curve by rules with panels bisected as far as that lowers the error their coefficients tell."""
     best, least, stale = joined, np.inf, 0
-    for _ in range(ROUNDS):
+    for _ in range(MOST_REFINEMENTS):
         joined = _seeing(joined)
         panels = _panels(joined)
         marks, total = [e > ALLOWED for e in _leg_errors(joined.measured)], _total(joined.measured)

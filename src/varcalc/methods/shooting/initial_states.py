@@ -20,14 +20,14 @@ from varcalc.symbolic.evaluation import in_columns
 
 SEGMENT_POINTS = 9
 """Points of a segment at which the starting curve is sampled."""
-DEGREE = 5
+STATES_DEGREE = 5
 """Degree of the polynomial through them."""
-DERIVATIVE = np.pad(np.array([legendre.legder(row) for row in np.eye(DEGREE + 1)]), ((0, 0), (0, 1)))
-"""From Legendre coefficients (.., DEGREE + 1) to those of the derivative."""
+DERIVATIVE = np.pad(np.array([legendre.legder(row) for row in np.eye(STATES_DEGREE + 1)]), ((0, 0), (0, 1)))
+"""From Legendre coefficients (.., STATES_DEGREE + 1) to those of the derivative."""
 FITTED = (
     gauss(SEGMENT_POINTS)[1][:, None]
-    * legendre.legvander(gauss(SEGMENT_POINTS)[0], DEGREE)
-    * (np.arange(DEGREE + 1) + 0.5)
+    * legendre.legvander(gauss(SEGMENT_POINTS)[0], STATES_DEGREE)
+    * (np.arange(STATES_DEGREE + 1) + 0.5)
 )
 """From values at the samples to Legendre coefficients, which are orthogonal under the Gauss rule: least squares."""
 
@@ -57,7 +57,7 @@ def derivatives(curve: Sampled, left: np.ndarray, right: np.ndarray, at: np.ndar
     nodes = gauss(SEGMENT_POINTS)[0]
     values = curve((middle[:, None] + half[:, None] * nodes).ravel()).reshape(-1, len(at), SEGMENT_POINTS)
     coefficients = values @ FITTED
-    values_at = legendre.legvander((at - middle) / half, DEGREE)
+    values_at = legendre.legvander((at - middle) / half, STATES_DEGREE)
     out = []
     for k in range(count + 1):
         out.append(np.einsum("nmd,md->nm", coefficients, values_at) / half**k)

@@ -17,7 +17,7 @@ from varcalc.numerics.damped_newton import CONVERGED, Ending, LinearisedEquation
 LEFT_OPEN, LEFT_BY_LOOK = 1e-6, 1e-3
 """A residual, relative to its row of the Jacobian, that a convergent iteration leaves only in a singular system; that
 of a look."""
-ITERATIONS = 40
+SHOT_ITERATIONS = 40
 RUN_AWAY = 1e10
 """Scaled states beyond which an iteration has run away."""
 DIGITS_LOST = 1e6
@@ -119,7 +119,7 @@ def iterate(
     if isinstance(at, Failure):
         return Matched(x, None, Termination.FAILED, np.inf, 0, at)
     matching = _Matching(segments, floor, most_growth, most_work, level)
-    result = damped_newton(matching, x, at, ITERATIONS, LOOKED if level == LOOK else CONVERGED)
+    result = damped_newton(matching, x, at, SHOT_ITERATIONS, LOOKED if level == LOOK else CONVERGED)
     ending = matching.given_up or TERMINATIONS[result.ending]
     allowed = LEFT_BY_LOOK if level == LOOK else LEFT_OPEN
     lost = result.at.growth.max() > DIGITS_LOST

@@ -31,7 +31,7 @@ COARSEST = 4
 """How many of them level 0 climbs; each level one more."""
 ARC_UNRESOLVED = 1e-6
 """Relative change of slope and integrals between the last two numbers of points that calls for a shorter arc."""
-ITERATIONS = 20
+ARC_ITERATIONS = 20
 RUNS_PER_ITERATION = 2
 """Runs of a flow that take as long as one iteration."""
 STEPS_PER_RUN = 10
@@ -284,7 +284,7 @@ class _Collocated:
         at = self.evaluate(first.ravel())
         if at is None:
             return None
-        result = damped_newton(self, first.ravel(), at, ITERATIONS)
+        result = damped_newton(self, first.ravel(), at, ARC_ITERATIONS)
         work.charge(RUNS_PER_ITERATION * result.iterations)
         return result.z.reshape(first.shape) if result.ending is Ending.CONVERGED else None
 

@@ -17,7 +17,7 @@ from varcalc.numerics.chebyshev import roots, to_series
 from varcalc.numerics.one_coordinate.motions import CoordinateMotion, seen
 from varcalc.numerics.one_coordinate.slopes import SameSlopes
 
-DEGREE = 15
+LEAF_DEGREE = 15
 """Of the series in either direction."""
 COLUMNS = 2
 """Integrals that are tabled: τ and the first weight's."""
@@ -27,7 +27,7 @@ SHARE_HALVINGS = 20
 """Of panels along motions."""
 TOLD = 1e-13
 """Of a panel's largest integrand: the last coefficients of a series along motions."""
-NOISE = 1e-10
+LEAF_NOISE = 1e-10
 """What these may be that get no less."""
 LESS = 8.0
 """By how many times those get less when a panel is halved, at least, unless they are round-off."""
@@ -37,18 +37,18 @@ DIGITS = 1e-15
 """Of an integral: what round-off makes of it."""
 CHECKED = np.array([-1.0, -0.613, 0.287, 1.0])
 """Where other motions are looked at, in a panel from -1 to 1."""
-TOGETHER = 64
+PANELS_TOGETHER = 64
 """Panels integrated over together; bounds the memory."""
 
-_POINTS, _TO_SERIES = roots(DEGREE + 1), to_series(DEGREE + 1)
-_INTEGRATED = np.array([chebyshev.chebint(row, lbnd=-1.0) for row in np.eye(DEGREE + 1)]).T
-_DERIVED = np.pad(chebyshev.chebder(np.eye(DEGREE + 2), axis=1), ((0, 0), (0, 1))).T
+_POINTS, _TO_SERIES = roots(LEAF_DEGREE + 1), to_series(LEAF_DEGREE + 1)
+_INTEGRATED = np.array([chebyshev.chebint(row, lbnd=-1.0) for row in np.eye(LEAF_DEGREE + 1)]).T
+_DERIVED = np.pad(chebyshev.chebder(np.eye(LEAF_DEGREE + 2), axis=1), ((0, 0), (0, 1))).T
 """From Chebyshev polynomials to their derivatives."""
 _AT_COLUMNS = np.append(_POINTS, CHECKED)
 _ASCENDING = np.argsort(_AT_COLUMNS)
 _IN_PANEL = np.concatenate([[1.0], _POINTS, [-1.0]])
 """Where integrands are looked at, and at the ends what they are integrated over."""
-_AT_CHECKED = chebyshev.chebvander(CHECKED, DEGREE)
+_AT_CHECKED = chebyshev.chebvander(CHECKED, LEAF_DEGREE)
 COUNT = len(_AT_COLUMNS)
 """Motions of a leaf."""
 
@@ -57,9 +57,9 @@ COUNT = len(_AT_COLUMNS)
 class Leaf:
     """A panel of the logarithm from ``low`` to ``high``: ``edges`` (n + 1,) of the shares, and series on n panels.
 
-    ``series`` (n, DEGREE + 1, (DEGREE + 2) * COLUMNS) are those in the logarithm of those in the share of the integrals
-    from about the reference, ``off`` (n, COLUMNS) what these may be off. ``ends`` (DEGREE + 1, 2) are series of the
-    ends from the reference, ``most`` (DEGREE + 1,) that of the largest parameter.
+    ``series`` (n, LEAF_DEGREE + 1, (LEAF_DEGREE + 2) * COLUMNS) are those in the logarithm of those in the share of the
+    integrals from about the reference, ``off`` (n, COLUMNS) what these may be off. ``ends`` (LEAF_DEGREE + 1, 2) are
+    series of the ends from the reference, ``most`` (LEAF_DEGREE + 1,) that of the largest parameter.
     """
 
     low: float
@@ -72,10 +72,10 @@ class Leaf:
 
     @cached_property
     def to_ends(self) -> np.ndarray:
-        """Series (DEGREE + 1, 2 * COLUMNS) in the logarithm of the integrals up to both ends."""
-        first, last = (part.reshape(DEGREE + 1, DEGREE + 2, COLUMNS) for part in self.series[[0, -1]])
-        signs = (-1.0) ** np.arange(DEGREE + 2)
-        return np.stack([np.tensordot(first, signs, (1, 0)), last.sum(axis=1)], axis=1).reshape(DEGREE + 1, -1)
+        """Series (LEAF_DEGREE + 1, 2 * COLUMNS) in the logarithm of the integrals up to both ends."""
+        first, last = (part.reshape(LEAF_DEGREE + 1, LEAF_DEGREE + 2, COLUMNS) for part in self.series[[0, -1]])
+        signs = (-1.0) ** np.arange(LEAF_DEGREE + 2)
+        return np.stack([np.tensordot(first, signs, (1, 0)), last.sum(axis=1)], axis=1).reshape(LEAF_DEGREE + 1, -1)
 
 
 def leaves(slopes: SameSlopes, low: np.ndarray, high: np.ndarray) -> list[tuple[Leaf, float] | None]:
@@ -100,7 +100,7 @@ def leaves(slopes: SameSlopes, low: np.ndarray, high: np.ndarray) -> list[tuple[
     for k, (number, own) in enumerate(zip(numbers, sums, strict=True)):
         part = slice(k * COUNT, (k + 1) * COUNT)
         if own is not None:
-            start = way.start[part][DEGREE // 2] / most[part][DEGREE // 2]
+            start = way.start[part][LEAF_DEGREE // 2] / most[part][LEAF_DEGREE // 2]
             leaf, off = _leaf((float(low[number]), float(high[number])), own, most[part], ends[part], start)
             turns = (slopes.reference + ends[part][_ASCENDING]).T
             out[number] = leaf, off if np.all(seen(way.gentle, turns)) else np.inf
@@ -119,7 +119,7 @@ def _leaf(
     values[:, 1:, 0] += before[:, :-1]
     values[:, :, 0] -= before[:, zero][:, None]
     known = np.where(np.isfinite(ends).all(axis=0), ends, 0.0)
-    told = DEGREE + 1
+    told = LEAF_DEGREE + 1
     apart, ends_apart, most_apart = (
         np.abs(np.tensordot(_AT_CHECKED @ _TO_SERIES, column[:told], 1) - column[told:])
         for column in (values, known, most)
@@ -134,7 +134,7 @@ def _leaf(
 def read(leaf: Leaf, in_logarithm: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The integrals (m, COLUMNS) up to shares (m,), and what they may be off."""
     panel, local, _ = _within(leaf, share)
-    values, in_share = np.empty((len(share), COLUMNS)), chebyshev.chebvander(local, DEGREE + 1)
+    values, in_share = np.empty((len(share), COLUMNS)), chebyshev.chebvander(local, LEAF_DEGREE + 1)
     for number, rows in grouped(panel):
         values[rows] = _summed(leaf, number, in_logarithm[rows], in_share[rows])
     return values, leaf.off[panel] + DIGITS * np.abs(values)
@@ -149,7 +149,7 @@ def read_ends(leaf: Leaf, in_logarithm: np.ndarray) -> tuple[np.ndarray, np.ndar
 def rates(leaf: Leaf, in_logarithm: np.ndarray, share: np.ndarray) -> np.ndarray:
     """The derivatives (m, COLUMNS) of the integrals by the shares (m,)."""
     panel, local, width = _within(leaf, share)
-    values, in_share = np.empty((len(share), COLUMNS)), chebyshev.chebvander(local, DEGREE + 1) @ _DERIVED
+    values, in_share = np.empty((len(share), COLUMNS)), chebyshev.chebvander(local, LEAF_DEGREE + 1) @ _DERIVED
     for number, rows in grouped(panel):
         values[rows] = _summed(leaf, number, in_logarithm[rows], in_share[rows])
     return values * (2 / width)[:, None]
@@ -164,13 +164,13 @@ def _within(leaf: Leaf, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 
 def _summed(leaf: Leaf, panel: int, in_logarithm: np.ndarray, in_share: np.ndarray) -> np.ndarray:
     """The series of one panel (m, COLUMNS)."""
-    series = (in_logarithm @ leaf.series[panel]).reshape(len(in_share), DEGREE + 2, COLUMNS)
+    series = (in_logarithm @ leaf.series[panel]).reshape(len(in_share), LEAF_DEGREE + 2, COLUMNS)
     return np.einsum("mj,mjf->mf", in_share, series)
 
 
 @dataclass(frozen=True)
 class AlongMotions:
-    """Series (COUNT, n, DEGREE + 2, COLUMNS) of integrals along motions from the ``edges`` (n + 1,) of shares on.
+    """Series (COUNT, n, LEAF_DEGREE + 2, COLUMNS) of integrals along motions from the ``edges`` (n + 1,) of shares on.
 
     ``off`` (n, COLUMNS) is what they are off at the ends of the panels.
     """
@@ -191,15 +191,15 @@ def _along(way: CoordinateMotion, most: np.ndarray, agreed: np.ndarray) -> list[
     done: list[list[tuple[float, np.ndarray, np.ndarray]]] = [[] for _ in agreed]
     for _ in range(SHARE_HALVINGS):
         values, told = _integrands(way, most, leaf, left, width)
-        own = np.tensordot(values, _TO_SERIES, (3, 1))  # (COLUMNS, n, COUNT, DEGREE + 1)
+        own = np.tensordot(values, _TO_SERIES, (3, 1))  # (COLUMNS, n, COUNT, LEAF_DEGREE + 1)
         tail = np.abs(own[..., -2:]).max(axis=3)
         left_over = (tail / np.abs(values).max(axis=3)).max(axis=(0, 2))
         # what does not get less is round-off
-        noise = (left_over <= np.maximum(agreed[leaf], NOISE)) & (left_over > before / LESS)
+        noise = (left_over <= np.maximum(agreed[leaf], LEAF_NOISE)) & (left_over > before / LESS)
         fine = ((left_over <= TOLD) | noise) & told
         step = width / 2 * most.reshape(-1, COUNT)[leaf]
         sums = np.moveaxis((own * step[..., None]) @ _INTEGRATED.T, 0, -1)
-        off = (tail * step).max(axis=2).T / DEGREE**2
+        off = (tail * step).max(axis=2).T / LEAF_DEGREE**2
         for k in np.flatnonzero(fine):
             done[leaf[k]].append((float(left[k]), sums[k], off[k]))
         lost[leaf[~np.all(np.isfinite(values), axis=(0, 2, 3))]] = True
@@ -223,14 +223,17 @@ def _joined(panels: list[tuple[float, np.ndarray, np.ndarray]]) -> AlongMotions:
 def _integrands(
     way: CoordinateMotion, most: np.ndarray, leaf: np.ndarray, left: np.ndarray, width: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What is integrated on panels (n,) of leaves, (COLUMNS, n, COUNT, DEGREE + 1); whether points tell all (n,)."""
+    """What is integrated on panels (n,) of leaves, (COLUMNS, n, COUNT, LEAF_DEGREE + 1).
+
+    Besides it, whether points tell all (n,).
+    """
     parts, told = [], []
     share = left[:, None] + width * (1 + _IN_PANEL) / 2
-    for first in range(0, len(leaf), TOGETHER):
-        some = slice(first, first + TOGETHER)
+    for first in range(0, len(leaf), PANELS_TOGETHER):
+        some = slice(first, first + PANELS_TOGETHER)
         rows = (leaf[some, None] * COUNT + np.arange(COUNT)).ravel()
         places, values = way.take(rows).integrands(most[rows, None] * np.repeat(share[some], COUNT, axis=0))
-        parts.append(values[:COLUMNS, :, 1:-1].reshape(COLUMNS, -1, COUNT, DEGREE + 1))
+        parts.append(values[:COLUMNS, :, 1:-1].reshape(COLUMNS, -1, COUNT, LEAF_DEGREE + 1))
         told.append(seen(way.gentle, places).reshape(-1, COUNT).all(axis=1))
     return np.concatenate(parts, axis=1), np.concatenate(told)
 

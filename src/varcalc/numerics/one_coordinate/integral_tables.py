@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 
 from varcalc.numerics.one_coordinate.integral_leaves import (
     COLUMNS,
-    DEGREE,
+    LEAF_DEGREE,
     Leaf,
     grouped,
     leaves,
@@ -95,7 +95,7 @@ class SlopesTable:
         for number, rows in grouped(leaf):
             own = self.leaves[number]
             local = (2 * logarithm[rows] - own.low - own.high) / (own.high - own.low)
-            in_logarithm = chebyshev.chebvander(local, DEGREE)
+            in_logarithm = chebyshev.chebvander(local, LEAF_DEGREE)
             out[rows, k:], off[rows, k:] = read_ends(own, in_logarithm)
             most = (in_logarithm @ own.most)[:, None]
             q, stretch = self._parameters(in_logarithm @ own.ends, most, x[rows])

@@ -29,7 +29,7 @@ AT_JUMP = 8 * float(np.finfo(float).eps)
 """Of a place, and of the start: what is so close to a jump of g is at it."""
 LEVEL = 1e-3
 """Of what g would have come to by its slope: where g and C are both less, g - C is told from themselves."""
-TOGETHER = 2048
+MOTIONS_TOGETHER = 2048
 """Motions looked at together; bounds the memory."""
 
 
@@ -278,7 +278,7 @@ def bounds(
 
     ``wall`` (m,) is the distance of the nearest surface there, infinite where there is none.
     """
-    slices = [slice(k, k + TOGETHER) for k in range(0, max(len(u0), 1), TOGETHER)]
+    slices = [slice(k, k + MOTIONS_TOGETHER) for k in range(0, max(len(u0), 1), MOTIONS_TOGETHER)]
     parts = [_bounds(potential, nodes, u0[part], squared[part], C[part], wall[part], sign) for part in slices]
     return MotionBounds(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(MotionBounds)))
 

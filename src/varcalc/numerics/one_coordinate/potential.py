@@ -22,7 +22,7 @@ PLACES = 240
 """Places on either side at which g is looked at to begin with, in geometric progression."""
 BENT = 1e-2
 """Of its change over an interval: how well a cubic must foretell g in the middle."""
-ROUNDS = 14
+BENT_HALVINGS = 14
 """Times an interval is halved to meet BENT."""
 SPARSE = 4
 """Of the places beyond an interval that are closer to it than those in it are to each other, one in so many will do."""
@@ -218,7 +218,7 @@ class Potential(ABC):
         u = np.union1d(u, stops[(stops >= low.min()) & (stops <= high.max())])
         u, low_edge, high_edge = self._inside(u, first.min(), last.max())
         u = np.union1d(u, self.gentle[(self.gentle > u[0]) & (self.gentle < u[-1])])
-        for _ in range(ROUNDS):
+        for _ in range(BENT_HALVINGS):
             middle = self._coarse(u)
             if len(middle) == 0:
                 break
