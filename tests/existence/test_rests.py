@@ -368,7 +368,6 @@ def kicked(height, place, width, first, last, length=5.0, friction=0.7):
     "case",
     [
         (3.222, 2.1772, 0.0219, -0.485, -1.4088),  # it never rests, though it all but stops
-        (2.7622, 1.7035, 0.0184, -0.0387, -0.1535),
         (2.8577, 2.9062, 0.0155, -0.3022, -1.209),
         (1.6483, 3.4698, 0.008, -0.8924, -1.3898),  # the push lies between the points of the first mesh
         (3.496, 1.9518, 0.0167, -1.4986, -0.8697),
@@ -379,7 +378,7 @@ def test_a_short_push_on_what_friction_slows(case):
     found = vc.solve(problem, throw=False)
     assert not found.status.ok or abs(found.value - exact) < 1e-5
     # one that comes to rest, or sets out, within the push may be refused
-    assert found.status.ok or case[0] in {2.7622, 3.496}
+    assert found.status.ok or case[0] == 3.496
 
 
 def held_twice(load, friction, slope, level, first, last, span):

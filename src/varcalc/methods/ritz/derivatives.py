@@ -15,8 +15,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from varcalc.formulation.form import Form
 from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import basis, basis_at_gauss, gauss
+from varcalc.symbolic.derived import derived
 
 Shares = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Numbers of values, point by point, of the rows that they enter (0 is the objective), and with what factors."""
@@ -63,31 +65,82 @@ class CurvePoints:
         return [self.s[None, :], *columns, parameters, variables[depth * n :, :]]
 
 
-@dataclass(frozen=True)
-class _Term:
-    """A column of functions at points: its rates and its curvature there, their arguments, and the shares in the rows.
+class ExpressionColumn:
+    """Expressions one below the other; two are one where they hold the same objects."""
 
-    ``rates`` gives the column with its Jacobian, ``curvature`` the Hessian of its sum by multipliers; None where that
-    is zero. What enters constraints may be ``straight``: linear in the variables.
+    def __init__(self, *expressions: Any) -> None:
+        self.expressions = expressions
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ExpressionColumn) and [*map(id, self.expressions)] == [*map(id, other.expressions)]
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self.expressions)))
+
+
+@dataclass(frozen=True)
+class ColumnFunctions:
+    """What a program asks of a column at one point.
+
+    ``values`` gives it alone, ``rates`` with its Jacobian, ``curvature`` the Hessian of its sum by multipliers; None
+    where that is zero. An expression ``bends`` where it enters that.
     """
 
+    values: ca.Function
     rates: ca.Function
     curvature: ca.Function | None
+    bends: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, symbols: list[Any], variables: list[Any], expressions: Sequence[Any]) -> ColumnFunctions:
+        """Of ``expressions`` in ``symbols``, with derivatives by the ``variables``."""
+        column, at = ca.densify(ca.vertcat(*expressions)), ca.vertcat(*(v for v in variables if v.numel()))
+        multipliers = type(symbols[0]).sym("multipliers", column.numel())
+        values = ca.Function("column", symbols, [column])
+        rates = ca.Function("rates", symbols, [column, ca.jacobian(column, at)])
+        hessian = ca.hessian(ca.dot(multipliers, column), at)[0]
+        if not hessian.nnz():
+            return cls(values, rates, None, (False,) * column.numel())
+        curvature = ca.Function("curvature", [*symbols, multipliers], [ca.densify(hessian)])
+        return cls(values, rates, curvature, tuple(ca.depends_on(hessian, m) for m in ca.vertsplit(multipliers)))
+
+
+@derived
+def column_functions(form: Form, column: ExpressionColumn) -> ColumnFunctions:
+    """Those of a column in the form's symbols, by the curve and the unknown numbers."""
+    s = form.symbols
+    return ColumnFunctions.of(s.all, [s.y, *s.slopes, s.unknowns], column.expressions)
+
+
+@dataclass(frozen=True)
+class _Term:
+    """A column of functions at points, their arguments, and the shares in the rows.
+
+    What enters constraints may be ``straight``: linear in the variables.
+    """
+
+    functions: ColumnFunctions
     arguments: list[Any]
     matrix: ca.DM
     shares: Shares
-    straight: bool
+
+    @property
+    def straight(self) -> bool:
+        """Whether what enters constraints is linear in the variables."""
+        values, numbers, _ = self.shares
+        bends = self.functions.bends
+        return not any(bends[k] for k in np.unique(values[numbers > 0] % len(bends)).tolist())
 
     @property
     def count(self) -> int:
         """The number of points."""
-        return self.matrix.shape[0] // self.rates.size2_out(1)
+        return self.matrix.shape[0] // self.functions.rates.size2_out(1)
 
     def in_rows(self, first: int, rows: int) -> ca.DM:
         """The shares, (count * width, rows), of the values in so many rows from the ``first`` one on."""
         values, numbers, factors = self.shares
         own = (numbers >= first) & (numbers < first + rows)
-        size = self.count * self.rates.size1_out(0)
+        size = self.count * self.functions.rates.size1_out(0)
         return ca.DM.triplet(values[own].tolist(), (numbers[own] - first).tolist(), ca.DM(factors[own]), size, rows)
 
 
@@ -98,32 +151,16 @@ class ProgramDerivatives:
     w: Any
     terms: list[_Term] = field(default_factory=list)
 
-    def at_points(self, points: CurvePoints, expressions: Sequence[Any], shares: Shares) -> None:
-        """Add ``expressions`` in the form's symbols at ``points``; values are numbered point by point."""
-        s = points.system.form.symbols
-        variables = [v for v in (s.y, *s.slopes, s.unknowns) if v.numel()]
-        self._add(expressions, s.all, variables, points.arguments(self.w), points.matrix, shares)
+    def at_points(self, points: CurvePoints, functions: ColumnFunctions, arguments: list[Any], shares: Shares) -> None:
+        """Add a column at ``points``, whose ``arguments`` it takes; values are numbered point by point."""
+        self.terms.append(_Term(functions, arguments, points.matrix, shares))
 
     def at_ends(self, ends: EndPlaces, shares: Shares) -> None:
         """Add the cost of the ends and their equations."""
         equations, symbols = ends.joint.equations, ends.symbols
         expressions = [ends.joint.cost, *(ca.vertsplit(equations) if equations.numel() else [])]
-        variables = [v for v in symbols[:-1] if v.numel()]
-        self._add(expressions, symbols, variables, ends.arguments(self.w), ends.matrix, shares)
-
-    def _add(
-        self, expressions: Sequence[Any], symbols: list[Any], variables: list[Any],
-        arguments: list[Any], matrix: ca.DM, shares: Shares,
-    ) -> None:  # fmt: skip
-        column, at = ca.densify(ca.vertcat(*expressions)), ca.vertcat(*variables)
-        multipliers = type(symbols[0]).sym("multipliers", column.numel())
-        rates = ca.Function("rates", symbols, [column, ca.jacobian(column, at)])
-        hessian = ca.hessian(ca.dot(multipliers, column), at)[0]
-        curvature = ca.Function("curvature", [*symbols, multipliers], [ca.densify(hessian)]) if hessian.nnz() else None
-        values, numbers, _ = shares
-        held = np.unique(values[numbers > 0] % len(expressions)).tolist()
-        straight = curvature is None or not ca.depends_on(hessian, multipliers[held])
-        self.terms.append(_Term(rates, curvature, arguments, matrix, shares, straight))
+        functions = ColumnFunctions.of(symbols, symbols[:-1], expressions)
+        self.terms.append(_Term(functions, ends.arguments(self.w), ends.matrix, shares))
 
     @property
     def straight(self) -> bool:
@@ -142,8 +179,8 @@ class ProgramDerivatives:
             shares = term.in_rows(first, rows)
             if not shares.nnz():
                 continue
-            column, rates = term.rates.map(term.count)(*term.arguments)
-            blocks = ca.MX(along_diagonal(term.rates.sparsity_out(1), term.count), ca.vec(rates.nz[:]))
+            column, rates = term.functions.rates.map(term.count)(*term.arguments)
+            blocks = ca.MX(along_diagonal(term.functions.rates.sparsity_out(1), term.count), ca.vec(rates.nz[:]))
             values += ca.mtimes(shares.T, ca.vec(column))
             jacobian += ca.mtimes(shares.T, ca.mtimes(blocks, term.matrix))
         out = jacobian if first else ca.densify(jacobian.T)
@@ -156,12 +193,13 @@ class ProgramDerivatives:
         multipliers = ca.vertcat(lam_f, lam_g)
         total = ca.MX(w.numel(), w.numel())
         for term in self.terms:
-            if term.curvature is None:
+            curvature = term.functions.curvature
+            if curvature is None:
                 continue
-            count, width = term.count, term.rates.size1_out(0)
+            count, width = term.count, len(term.functions.bends)
             weights = ca.reshape(ca.mtimes(term.in_rows(0, 1 + rows), multipliers), width, count)
-            out = term.curvature.map(count)(*term.arguments, ca.densify(weights))
-            blocks = ca.MX(along_diagonal(term.curvature.sparsity_out(0), count), ca.vec(out))
+            out = curvature.map(count)(*term.arguments, ca.densify(weights))
+            blocks = ca.MX(along_diagonal(curvature.sparsity_out(0), count), ca.vec(out))
             total += ca.mtimes(term.matrix.T, ca.mtimes(blocks, term.matrix))
         return ca.Function(
             "hess_lag", [w, p, lam_f, lam_g], [ca.triu(total)],

@@ -22,8 +22,17 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from varcalc.formulation import SideCondition
+from varcalc.formulation.form import Form
 from varcalc.formulation.height import flat, height
-from varcalc.methods.ritz.derivatives import CurvePoints, EndPlaces, ProgramDerivatives, along_diagonal
+from varcalc.methods.ritz.derivatives import (
+    ColumnFunctions,
+    CurvePoints,
+    EndPlaces,
+    ExpressionColumn,
+    ProgramDerivatives,
+    along_diagonal,
+    column_functions,
+)
 from varcalc.methods.ritz.integrands import integrands, pointwise
 from varcalc.methods.ritz.newton import Descent
 from varcalc.methods.ritz.starts import bent
@@ -31,6 +40,7 @@ from varcalc.methods.ritz.system import RitzSystem
 from varcalc.numerics.mesh import gauss, inner_nodes
 from varcalc.problem.conditions import finite, whole
 from varcalc.spelling import spelled
+from varcalc.symbolic.derived import derived
 
 GOOD = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 FINISHED = ("Search_Direction_Becomes_Too_Small", "Maximum_Iterations_Exceeded", "Restoration_Failed")
@@ -278,10 +288,8 @@ class _Sizes:
     """By how much conditions change when the curve and the unknown numbers change by their own size: their units."""
 
     def __init__(self, system: RitzSystem, z: np.ndarray) -> None:
-        self.symbols = system.form.symbols
+        self.form = system.form
         self.arguments = system.arguments(z)
-        s = self.symbols
-        self.variables = ca.vertcat(s.y, s.dy, s.ddy, s.unknowns)
         reach = np.concatenate([np.abs(self.arguments[i]).max(1, initial=0.0) for i in (1, 2, 3, 5)])
         # a straight line along the axis is one but for round-off
         self.reach = np.where(
@@ -293,8 +301,15 @@ class _Sizes:
         return _largest(float(self._changes(condition.expression).max(initial=0.0)), *condition.bounds)
 
     def _changes(self, expression: Any) -> np.ndarray:
-        gradient = ca.Function("change", self.symbols.all, [ca.densify(ca.gradient(expression, self.variables))])
-        return self.reach @ np.abs(np.asarray(gradient(*self.arguments)))
+        return self.reach @ np.abs(np.asarray(_gradient(self.form, ExpressionColumn(expression))(*self.arguments)))
+
+
+@derived
+def _gradient(form: Form, column: ExpressionColumn) -> ca.Function:
+    """That of one expression by the curve, its derivatives and the unknown numbers."""
+    s, [expression] = form.symbols, column.expressions
+    gradient = ca.gradient(expression, ca.vertcat(s.y, s.dy, s.ddy, s.unknowns))
+    return ca.Function("gradient", s.all, [ca.densify(gradient)])
 
 
 def _largest(*sizes: float) -> float:
@@ -307,30 +322,35 @@ def program_of(system: RitzSystem, z: np.ndarray, scale: np.ndarray, size: float
     w = ca.MX.sym("w", system.size)
     at_gauss = CurvePoints.of(system, scale)
     integrals = [form.integrand, *(c.expression for c in form.conditions.integrals)]
-    function = ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*integrals))])
-    mapped = function.map(len(system.weights))
-    values = ca.mtimes(mapped(*at_gauss.arguments(w)), ca.DM(system.weights))
+    functions, arguments = column_functions(form, ExpressionColumn(*integrals)), at_gauss.arguments(w)
+    values = ca.mtimes(functions.values.map(len(system.weights))(*arguments), ca.DM(system.weights))
     program = _Program(w, values[0] / size, ProgramDerivatives(w))
     for j, condition in enumerate(form.conditions.integrals):
         program.add("integral", condition.index, values[1 + j], condition.bounds)
     m, count = len(integrals), len(system.weights)
     factors = np.repeat(system.weights[:, None], m, axis=1)
     factors[:, 0] /= size
-    program.derivatives.at_points(
-        at_gauss, integrals, (np.arange(m * count), np.tile(np.arange(m), count), factors.ravel())
-    )
+    shares = np.arange(m * count), np.tile(np.arange(m), count), factors.ravel()
+    program.derivatives.at_points(at_gauss, functions, arguments, shares)
     if form.ends.joint is not None:
         _add_ends(system, program, scale, z / scale, size)
     if form.conditions.pathwise:
         _Pathwise(system, program, scale, at_gauss, _Sizes(system, z), z / scale).add()
     if form.width is not None:  # beyond that a curve runs backwards, and what is positive sums to less than nothing
         anywhere = at_gauss.kept(np.arange(count) == 0)
-        unknowns = anywhere.arguments(w)[5]
-        program.add("width", -1, form.width(unknowns, form.problem.parameter_values), (0.0, np.inf))
-        width = form.width(form.symbols.unknowns, form.symbols.parameters)
+        arguments = anywhere.arguments(w)
+        program.add("width", -1, form.width(arguments[5], form.problem.parameter_values), (0.0, np.inf))
         one = np.ones(1, dtype=int)
-        program.derivatives.at_points(anywhere, [width], (0 * one, program.count * one, np.ones(1)))
+        shares = 0 * one, program.count * one, np.ones(1)
+        program.derivatives.at_points(anywhere, _width_functions(form), arguments, shares)
     return program
+
+
+@derived
+def _width_functions(form: Form) -> ColumnFunctions:
+    assert form.width is not None
+    s = form.symbols
+    return ColumnFunctions.of(s.all, [s.y, *s.slopes, s.unknowns], [form.width(s.unknowns, s.parameters)])
 
 
 def _add_ends(system: RitzSystem, program: _Program, scale: np.ndarray, start: np.ndarray, size: float) -> None:
@@ -421,8 +441,10 @@ class _Pathwise:
             self._append("vertices", rate, _beside(points, -int(node)).kept(free), size, elements)
 
     def _values(self, condition: SideCondition, points: CurvePoints) -> Any:
-        function = ca.Function("pathwise", self.system.form.symbols.all, [ca.densify(condition.expression)])
-        return function.map(len(points.s))(*points.arguments(self.program.w))
+        return self._functions(condition).values.map(len(points.s))(*points.arguments(self.program.w))
+
+    def _functions(self, condition: SideCondition) -> ColumnFunctions:
+        return column_functions(self.system.form, ExpressionColumn(condition.expression))
 
     def _append(
         self, kind: str, condition: SideCondition, points: CurvePoints, size: float, elements: np.ndarray,
@@ -431,9 +453,11 @@ class _Pathwise:
         if not len(points.s):
             return
         rows, first = np.arange(len(points.s)), 1 + self.program.count
-        self.program.add(kind, condition.index, self._values(condition, points), condition.bounds, size, elements, rule)
+        functions, arguments = self._functions(condition), points.arguments(self.program.w)
+        values = functions.values.map(len(rows))(*arguments)
+        self.program.add(kind, condition.index, values, condition.bounds, size, elements, rule)
         shares = (rows, first + rows, np.full(len(rows), 1 / size))
-        self.program.derivatives.at_points(points, [condition.expression], shares)
+        self.program.derivatives.at_points(points, functions, arguments, shares)
 
 
 def _beside(vertices: CurvePoints, side: int) -> CurvePoints:
@@ -475,10 +499,16 @@ def _nodes(system: RitzSystem, condition: SideCondition, given: int) -> tuple[np
 
 def _rate(system: RitzSystem, condition: SideCondition, times: int) -> SideCondition:
     """That the rate of a condition along the curve, or the rate of that, is zero."""
-    s, rate = system.form.symbols, condition.expression
+    rate = _rate_of(system.form, ExpressionColumn(condition.expression), times)
+    return replace(condition, expression=rate, lower=0.0, upper=0.0)
+
+
+@derived
+def _rate_of(form: Form, column: ExpressionColumn, times: int) -> Any:
+    s, [rate] = form.symbols, column.expressions
     for _ in range(times):
         rate = ca.jtimes(rate, ca.vertcat(s.x, s.y, *s.slopes[:-1]), ca.vertcat(1, *s.slopes))
-    return replace(condition, expression=rate, lower=0.0, upper=0.0)
+    return rate
 
 
 def _sort_multipliers(
