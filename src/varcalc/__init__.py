@@ -36,7 +36,7 @@ from varcalc.solve.grid import Paired
 from varcalc.solve.ladder import solve
 from varcalc.solve.point import Measured, SweepPoint
 from varcalc.solve.sweep import Sweep, sweep
-from varcalc.spelling import no_attribute
+from varcalc.spelling import NoAttribute
 from varcalc.study.compare import Comparison, compare
 from varcalc.study.records import Record, WorkPrecision
 from varcalc.study.reference import Exact, Reference
@@ -162,7 +162,7 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version(__name__)
-    raise no_attribute(__name__, name, [*__all__, "optics", "mechanics"])
+    raise NoAttribute(__name__, name, [*__all__, "optics", "mechanics"])
 
 
 def __dir__() -> list[str]:

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from varcalc.axes import measured
+from varcalc.spelling import spelled
 from varcalc.symbolic.tracing import name_of
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ class Shown(Brief):
 class Plotted(Shown):
     """An object that can be drawn as well."""
 
+    @spelled
     def plot(self) -> Figure:
         """The picture, a matplotlib Figure of its own: write it with ``savefig``; a notebook shows it.
 

@@ -6,15 +6,13 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from varcalc.problem.conditions import reals
+from varcalc.problem.conditions import reals, told
+from varcalc.problem.functional import Functional
 from varcalc.showing import Brief, Fact, Plotted, brief, counted, figure_of, line
-
-if TYPE_CHECKING:
-    from varcalc.problem.functional import Functional
 
 WORTHLESS_ERROR = 1e-6
 """Relative error at which an answer limited by round-off is none."""
@@ -218,6 +216,17 @@ class Solution(Plotted):
     def dq(self, t: Any) -> Any:
         """The velocity dq/dt of a Curve, shaped as :meth:`q`."""
         return self._evaluate(t, 1)
+
+
+def no_solution(given: Any, asked: str) -> TypeError:
+    """The error of what was ``given`` to the function ``asked`` for a Solution and is none."""
+    remedy = ""
+    if isinstance(given, Functional):
+        remedy = f"; write {asked}(solve(problem))"
+    elif callable(getattr(given, asked, None)):  # a ray, which is declared above this module
+        kind = type(given).__name__
+        remedy = f"; a {kind} has a {asked} of its own: {kind.lower()}.{asked}()"
+    return TypeError(f"solution must be what varcalc.solve gives back, not {told(given)}{remedy}")
 
 
 def _strange(at: np.ndarray, first: float, last: float) -> float:

@@ -6,6 +6,7 @@ import difflib
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
+from importlib import import_module
 from types import FunctionType
 from typing import Any, TypeVar
 
@@ -17,6 +18,8 @@ OPPOSITES = ("min", "max")
 """What makes a word that is like another mean the contrary of it."""
 LIKENESS = 0.6
 """Likeness of two words (difflib's ratio) from which on one may have been meant by the other."""
+HOMES = ("varcalc", "varcalc.optics", "varcalc.mechanics")
+"""The modules whose names are public."""
 BEGINNING = 3
 """Letters that a name must share with a longer one to be taken for its short form."""
 
@@ -69,14 +72,28 @@ def check_names(what: str, given: Iterable[str], known: Iterable[str]) -> None:
         raise ValueError(f"{strange} are no {what}; it has {has}{suggested}")
 
 
-def no_attribute(module: str, name: str, known: Iterable[str]) -> AttributeError:
-    """The error of a ``module`` that has nothing called ``name``, with what was meant unless it is asked for by tools.
+class NoAttribute(AttributeError):
+    """The error of a ``module`` that has nothing called ``name`` and says what was meant, of what is ``known``.
 
-    Names with an underscore in front are tried by what inspects modules, by the thousand.
+    That is looked for when the message is read: imports and what inspects modules ask for names that are not there.
+
+    >>> print(NoAttribute("varcalc", "slove", ["solve"]))
+    module 'varcalc' has no attribute 'slove'; did you mean 'solve'?
+    >>> print(NoAttribute("varcalc", "Scene", ["solve"]))
+    module 'varcalc' has no attribute 'Scene'; it is varcalc.optics.Scene
     """
-    public = [word for word in known if not word.startswith("_")]
-    meant = "" if name.startswith("_") else near(name, public)
-    return AttributeError(f"module {module!r} has no attribute {name!r}{meant}", name=name)
+
+    def __init__(self, module: str, name: str, known: Sequence[str]) -> None:
+        super().__init__(module, name, known, name=name)
+
+    def __str__(self) -> str:
+        module, name, known = self.args
+        # imported by name: what is below all others cannot import them, and nothing asks but a mistake
+        others = {home: import_module(home).__all__ for home in HOMES if home != module}
+        there = next((f"; it is {home}.{name}" for home, public in others.items() if name in public), "")
+        alike = ((near(name, public), home) for home, public in others.items())
+        meant = there or near(name, known) or next((f"{one[:-1]} of {home}?" for one, home in alike if one), "")
+        return f"module {module!r} has no attribute {name!r}{meant}"
 
 
 def spelled(given: T) -> T:

@@ -39,7 +39,7 @@ from varcalc.problem.exact import exactly
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.progress import Interrupted, Progress, telling
-from varcalc.solution import Solution, Status, VariationalError
+from varcalc.solution import Solution, Status, VariationalError, no_solution
 from varcalc.solve.ladder import solve
 from varcalc.spelling import spelled
 from varcalc.symbolic.convexity import Entry, proved_convex
@@ -125,7 +125,7 @@ def certify(solution: Solution, *, digits: int | None = None, progress: Progress
     True
     """
     if not isinstance(solution, Solution):
-        raise TypeError(f"solution must be what varcalc.solve gives back, not {solution!r}")
+        raise no_solution(solution, "certify")
     if digits is not None:
         whole("digits", digits)
     flint()

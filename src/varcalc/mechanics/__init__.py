@@ -47,7 +47,7 @@ from varcalc.mechanics.stability.response import Response
 from varcalc.mechanics.symmetries import Symmetry
 from varcalc.mechanics.system import System
 from varcalc.problem.conditions import Holonomic
-from varcalc.spelling import no_attribute
+from varcalc.spelling import NoAttribute
 
 __all__ = [
     "Averaged",
@@ -124,4 +124,4 @@ __all__ = [
 
 def __getattr__(name: str) -> NoReturn:
     """No such name: the error suggests one that is near."""
-    raise no_attribute(__name__, name, __all__)
+    raise NoAttribute(__name__, name, __all__)

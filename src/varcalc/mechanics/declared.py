@@ -19,7 +19,7 @@ from varcalc.mechanics.lagrange import Lagrange, StateSymbols
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import Event
 from varcalc.mechanics.symmetries import Symmetry, noether
-from varcalc.problem.conditions import Holonomic, reals, sequence
+from varcalc.problem.conditions import Holonomic, reals, sequence, told
 from varcalc.problem.conditions import text as text_of
 from varcalc.problem.functional import named
 from varcalc.problem.reading import equation_latex, equation_text, latex, text
@@ -53,6 +53,10 @@ class Declared(Shown):
         time_unit: str = "",
         name: str = "",
     ) -> None:
+        if not callable(lagrangian):
+            raise TypeError(
+                f"lagrangian, which comes before the coordinates, must be a function, not {told(lagrangian)}"
+            )
         self.coordinates: tuple[str, ...] = coordinate_names(coordinates)
         self.n: int = len(self.coordinates)
         self.units: tuple[str, ...] = coordinate_units(units, self.n)
@@ -81,8 +85,8 @@ class Declared(Shown):
         return line("System", [f"{', '.join(known)}{more}{': ' + self.name if self.name else ''}"])
 
     def _headline(self) -> str:
-        told = f"system of {counted(self.n, 'coordinate')}"
-        return f"{self.name}: a {told}" if self.name else f"A {told}"
+        kind = f"system of {counted(self.n, 'coordinate')}"
+        return f"{self.name}: a {kind}" if self.name else f"A {kind}"
 
     def _facts(self) -> Iterator[Fact]:
         yield Fact("coordinates", shorten(", ".join(map(str, self.axes[1:])), FACT_WIDTH, placeholder=" ..."))
@@ -95,8 +99,8 @@ class Declared(Shown):
         yield Fact("keeps", ", ".join(self._kept) or "nothing that its formulas show")
         balance = list(zip(self.equations().splitlines(), self.equations_latex().splitlines(), strict=True))
         shown = balance if len(balance) <= MOST_NAMES else balance[: MOST_NAMES - 1]
-        for number, (told, formula) in enumerate(shown):
-            short = told if len(told) <= FACT_WIDTH else f"{told[: FACT_WIDTH - 4]} ..."
+        for number, (written, formula) in enumerate(shown):
+            short = written if len(written) <= FACT_WIDTH else f"{written[: FACT_WIDTH - 4]} ..."
             yield Fact("" if number else "motion", short, formula if len(formula) <= LONGEST_LATEX else "")
         if len(shown) < len(balance):
             yield Fact("", f"and {len(balance) - len(shown)} more: equations() writes them")

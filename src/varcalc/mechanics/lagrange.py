@@ -48,7 +48,7 @@ class StateSymbols:
     def traced(self, name: str, function: Callable[..., Any], *columns: Expression) -> Expression:
         """The scalar that a person's ``function`` makes of the columns, and p."""
         order = ("t", "q", "v")[: len(columns)] if len(columns) == 3 else ()
-        return trace(name, function, self.arguments(*columns), ca.SX, LAST, order)
+        return trace(name, function, self.arguments(*columns), ca.SX, "" if order else LAST, order)
 
     def function(self, value: Expression, *columns: Expression) -> Callable[..., Expression]:
         """A ``value`` as a person would write it: a function of the ``columns``, and p where there are parameters."""

@@ -350,10 +350,10 @@ def _one_more(media: Sequence[Medium], surfaces: Sequence[Surface]) -> tuple[Med
         for surface in surfaces:
             full += (full[-1] if surface.mirror else next(rest),)
     else:
-        between = counted(len(surfaces), "surface")
+        between, need = counted(len(surfaces), "surface"), "needs" if len(surfaces) == 1 else "need"
         fewer = f", or {len(surfaces) + 1 - mirrors} when those after mirrors are left out" if mirrors else ""
         raise ValueError(
-            f"a scene has a medium before its first surface and one after each, so that {between} need "
+            f"a scene has a medium before its first surface and one after each, so that {between} {need} "
             f"{counted(len(surfaces) + 1, 'medium', 'media')}{fewer}; there are {len(media)}"
         )
     for number, surface in enumerate(surfaces):

@@ -19,13 +19,17 @@ CHUNK = 1 << 16
 """Rays carried, or points looked at, together: beside the results, that bounds the memory."""
 DIMENSIONS = (2, 3)
 """Plane and space."""
+PAIR = ("A", "B")
+"""What the ends of one search for rays are called."""
 
 
 def point(name: str, given: Any) -> tuple[float, ...]:
     """One point as a tuple of 2 or 3 floats."""
     array = numbers(name, given)
     if array.ndim != 1 or len(array) not in DIMENSIONS:
-        raise ValueError(f"{name} must be one point, 2 coordinates in the plane or 3 in space, not {told(given)}")
+        hint = "; many pairs go into one call of arrivals" if array.ndim == 2 and name in PAIR else ""
+        kind = "2 coordinates in the plane or 3 in space, such as (0, 1)"
+        raise ValueError(f"{name} must be one point, {kind}, not {told(given)}{hint}")
     return tuple(float(v) for v in array)
 
 
@@ -43,7 +47,8 @@ def rows(name: str, given: Any, dimension: int | None = None) -> np.ndarray:
     array = numbers(name, given)
     array = array[None, :] if array.ndim == 1 else array
     if array.ndim != 2 or array.shape[1] not in DIMENSIONS:
-        raise ValueError(f"{name} must have shape (m, 2) in the plane or (m, 3) in space, not {array.shape}")
+        hint = "; the direction at an angle a is (cos(a), sin(a))" if array.ndim == 0 and name == "directions" else ""
+        raise ValueError(f"{name} must have shape (m, 2) in the plane or (m, 3) in space, not {array.shape}{hint}")
     if dimension is not None and array.shape[1] != dimension:
         raise ValueError(f"{name} must have {dimension} coordinates here, not {array.shape[1]}")
     return array

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
+from types import FunctionType
 from typing import Any, ClassVar, cast
 
 import casadi as ca
@@ -177,9 +178,8 @@ def sequence(name: str, value: Any) -> tuple[Any, ...]:
             return tuple(value)
     except TypeError:  # what has no entries; arrays without a dimension and symbols tell only when they are asked
         pass
-    raise TypeError(
-        f"{name} must be a sequence, not {told(value)}" + (f"; write {name}=[...]" if name.isidentifier() else "")
-    )
+    one = name.isidentifier() and not isinstance(value, FunctionType)
+    raise TypeError(f"{name} must be a sequence, not {told(value)}" + (f"; write {name}=[...]" if one else ""))
 
 
 def components(name: str, value: Any) -> tuple[Any, ...]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import copy
 import keyword
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from types import FunctionType
 from typing import Any, ClassVar, Self
 
 import casadi as ca
@@ -25,6 +26,7 @@ from varcalc.problem.conditions import (
     placed,
     sequence,
     text,
+    told,
     truth,
 )
 from varcalc.showing import Fact, Shown, brief, line
@@ -53,6 +55,8 @@ LOWERED = (
 """How what is of too high an order can be stated."""
 FIRST_SLOPE = f"a Bound is on the curve and its first slope, h(x, y, dy), also with order=2; {LOWERED}"
 """What is told of a bound that is called with more."""
+OTHER_WAYS = {"rays": "scene.rays(A, B)", "motion": "system.motion(q0, v0, span)"}
+"""What is asked of what is no problem, by the name of what it does."""
 
 
 @dataclass(frozen=True)
@@ -502,10 +506,19 @@ def check_functional(problem: Any) -> None:
     """TypeError for anything but a problem; it says where to find that of what holds one."""
     if not isinstance(problem, Functional):
         held = isinstance(getattr(problem, "problem", None), Functional)
-        kind = type(problem).__name__
-        remedy = f"; give its problem: {kind.lower()}.problem" if held else ""
-        what = kind if held else repr(problem)
-        raise TypeError(f"problem must be a Problem or a Curve, not {what}{remedy}")
+        what = type(problem).__name__ if held else told(problem)
+        raise TypeError(f"problem must be a Problem or a Curve, not {what}{_instead(problem, held)}")
+
+
+def _instead(given: Any, held: bool) -> str:
+    """What to write instead of what is no problem, where that can be told; ``held``: it holds one."""
+    if held:
+        return f"; give its problem: {type(given).__name__.lower()}.problem"
+    if isinstance(given, FunctionType):
+        return "; write Problem(lagrangian, start, end)"
+    # scenes and systems, which are declared above this module, are known by what they do
+    asked = next((way for name, way in OTHER_WAYS.items() if callable(getattr(given, name, None))), "")
+    return f"; a {type(given).__name__} is asked by {asked}" if asked else ""
 
 
 def _as_it_is(function: TracedFunction) -> TracedFunction:
@@ -530,12 +543,20 @@ def _own_name(lagrangian: Callable[..., Any]) -> str:
     return UNNAMED if name == "<lambda>" else name
 
 
+def _example(given: Any) -> str:
+    """The name in an example of what names numbers: the first of those that were ``given``, where they are names."""
+    first = next(iter(given), None) if isinstance(given, Collection) else None
+    return first if isinstance(first, str) and first.isidentifier() else "g"
+
+
 def named(name: str, values: Mapping[str, float] | None) -> dict[str, float]:
     """Parameters as people give them, copied; TypeError or ValueError naming ``name`` for what are none."""
     if values is None:
         return {}
     if not isinstance(values, Mapping):
-        raise TypeError(f"{name} must be a mapping from names to numbers, not {values!r}; write {{'g': 9.81}}")
+        raise TypeError(
+            f"{name} must be a mapping from names to numbers, not {values!r}; write {{{_example(values)!r}: 9.81}}"
+        )
     for key in values:
         if not (isinstance(key, str) and key.isidentifier()) or keyword.iskeyword(key) or key.startswith("__"):
             raise ValueError(f"{name}: {key!r} is no name that p.<name> could have; choose another")

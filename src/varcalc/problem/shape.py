@@ -39,6 +39,8 @@ def _instead(given: Any, of_space: bool) -> str:
     if isinstance(given, tuple | list) and len(given) >= 2 and all(isinstance(v, int | float) for v in given):
         rest = given[1] if len(given) == 2 else list(given[1:])
         return f"; write At({list(given)})" if of_space else f"; write Fixed({given[0]!r}, {rest!r})"
+    if isinstance(given, int | float):
+        return "; write At([x, y])" if of_space else "; write Fixed(x, y)"
     return "; the arguments are the Lagrangian, the start and the end" if callable(given) else ""
 
 

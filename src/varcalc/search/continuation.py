@@ -21,7 +21,7 @@ from varcalc.problem.conditions import finite, text
 from varcalc.search.arclength import Fold, Follower, ParameterFamily, Point
 from varcalc.search.collected import finer, refined, scales_of
 from varcalc.showing import Fact, Plotted, counted, figure_of, line
-from varcalc.solution import Solution
+from varcalc.solution import Solution, no_solution
 from varcalc.spelling import check_names, spelled
 
 BRANCH_DEGREES = {1: 20, 2: 24}
@@ -109,7 +109,7 @@ def continue_branch(solution: Solution, name: str, *, until: float, tol: float =
     4.091467246 at k = 1
     """
     if not isinstance(solution, Solution):
-        raise TypeError(f"solution must be what varcalc.solve gives back, not {solution!r}")
+        raise no_solution(solution, "continue_branch")
     problem = solution.problem
     check_arguments(problem, None, tol)
     check_names("parameters of this problem", [text("name", name)], problem.parameters)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from varcalc.solution import Finding, Solution
+from varcalc.solution import Finding, Solution, no_solution
 from varcalc.spelling import spelled
 from varcalc.verify.verification import Verification
 
@@ -35,7 +35,7 @@ def verify(solution: Solution) -> Verification:
     )
 
     if not isinstance(solution, Solution):
-        raise TypeError(f"verify takes a Solution, as solve gives, not {solution!r}; write verify(solve(problem))")
+        raise no_solution(solution, "verify")
     if solution.curve is None:
         raise ValueError(f"the solution holds no curve to verify: {solution.message or solution.status.value}")
     return verified(solution)

@@ -19,7 +19,7 @@ import numpy as np
 from varcalc.optics.media.dispersion import Dispersion
 from varcalc.optics.parameters import Parametrised
 from varcalc.optics.validation import point
-from varcalc.problem.conditions import finite
+from varcalc.problem.conditions import finite, told
 from varcalc.problem.functional import named
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
@@ -261,7 +261,7 @@ class Graded(Brief, _Parametric):
 
     def __post_init__(self) -> None:
         if not callable(self.n):
-            raise TypeError(f"n must be a function of the coordinates, not {self.n!r}; for a number take Uniform")
+            raise TypeError(f"n must be a function of the coordinates, not {told(self.n)}; for a number take Uniform")
         object.__setattr__(self, "parameters", named("parameters", self.parameters))
 
     def parametric_index(self, position: Expression, parameters: Mapping[str, Expression]) -> Expression:
@@ -352,7 +352,11 @@ def _traced(
     name: str, n: Callable[..., Expression], arguments: list[Expression], parameters: Mapping[str, Expression]
 ) -> Expression:
     """n(*arguments), or an error that names the argument and says what is wrong with it."""
+    if not callable(n):
+        raise TypeError(f"{name} must be a function, not {told(n)}; for a number take Uniform")
     hint = "it is called with as many coordinates as a point has, and with p last where there are parameters"
+    if not arguments:
+        hint = "it is called with p alone, where there are parameters; an index that varies is written Graded(n)"
     last = [tracing.Names(dict(parameters))] if parameters else []
     try:
         return tracing.trace(name, n, [*arguments, *last], ca.SX, hint)

@@ -19,6 +19,7 @@ from varcalc.optics.rays.beam import NOTHING, Arrival, Beam
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.rays.ray import Ray, Rays
 from varcalc.optics.surfaces import Geometry, Surface
+from varcalc.problem.conditions import told
 
 Builder = Callable[[np.ndarray, np.ndarray, np.ndarray], list[tuple[Ray | None, float]]]
 """From headings (k, d), optical paths (k,) and whether a caustic is touched (k,) to rays with their misses."""
@@ -83,7 +84,8 @@ class Model(ABC):
 def checked_model(given: Model | None) -> Model | None:
     """``given`` if it is a model or None; TypeError otherwise."""
     if given is not None and not isinstance(given, Model):
-        raise TypeError(f"model must be a ray model such as optics.Hamilton() or None, not {given!r}")
+        hint = f"; write optics.{given.__name__}()" if isinstance(given, type) else ""
+        raise TypeError(f"model must be a ray model such as optics.Hamilton() or None, not {told(given)}{hint}")
     return given
 
 
