@@ -9,7 +9,7 @@ the curve; the value on it is a Gauss sum of its own, exact to round-off.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 
@@ -337,6 +337,17 @@ def test_both_factorisations_shift_what_is_no_minimum():
     assert dense.shift > 0
     assert at.gradient @ banded[0] < 0
     assert at.gradient @ dense.change < 0
+
+
+@pytest.mark.parametrize("elements", range(23, 43, 2))
+def test_conditions_that_repeat_one_another_raise_nothing(elements):
+    # what is left of the second is round-off of either sign, or nothing, where the factors find the matrix singular
+    system = system_of(PROBLEMS["levels"](), elements, 3)
+    at = system.evaluate(beside_the_baseline(system, 1e-4))
+    rows, missed = at.jacobian[:1], at.conditions[:1]
+    twice = replace(at, jacobian=np.vstack([rows, 3 * rows]), conditions=np.concatenate([missed, 3 * missed]))
+    step = banded_step(system, twice, np.full(len(at.conditions), 0.1))
+    assert step is None or np.isfinite(step[0]).all()
 
 
 def test_a_hessian_convex_only_along_the_levels_is_factored_by_bands():

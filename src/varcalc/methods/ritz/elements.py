@@ -311,7 +311,8 @@ def _eliminated(system: RitzSystem, parts: Parts, at: Evaluation, multipliers: n
         solved = scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False)
         schur = small - sides.T @ solved[:, 2:]
         eigenvalues = np.linalg.eigvalsh(schur) if len(schur) else np.zeros(0)
-        positive = (eigenvalues < 0).sum() == count and eigenvalues.all() and np.isfinite(solved).all()
+        regular = np.linalg.slogdet(schur)[0] != 0  # by the factors that solve it: an eigenvalue of round-off is not 0
+        positive = (eigenvalues < 0).sum() == count and regular and np.isfinite(solved).all()
         return Eliminated(matrix, loads, solved, sides, schur) if positive else None
     return None
 
