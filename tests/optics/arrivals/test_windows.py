@@ -182,3 +182,42 @@ def test_all_rays_by_several_reflections_inside_an_ellipse(seed: int, reflection
     rays = optics.Scene(optics.Uniform(1.0), [mirror] * reflections).rays(source, receiver, within=100.0)
     assert len(rays) == np.count_nonzero(met)
     assert rays.unresolved == 0
+
+
+def test_rays_by_two_balls_in_a_medium_that_bends_them_are_found() -> None:
+    """n² = 1 + 0.15 y: rays are parabolas, which meet balls at zeros of quartics; the receiver is put on the last one.
+
+    High arcs come to the second ball within some 1e-5 of the directions.
+    """
+    rng, pull = np.random.default_rng(1), np.array([0.0, 0.075])
+    source, radius = rng.uniform((-4, -1), (-2, 1)), 0.2
+    middles = rng.uniform([(-0.4, -1.4), (1.6, 0.6)], [(0.4, -0.6), (2.4, 1.4)])
+
+    def met(place: np.ndarray, momentum: np.ndarray, middle: np.ndarray, constant: float) -> float:
+        away = place - middle
+        squared = momentum @ momentum + away @ pull
+        roots = np.roots(np.array([pull @ pull / 4, momentum @ pull, squared, 2 * momentum @ away, constant]))
+        return float(min(roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 1e-9)].real, default=np.inf))
+
+    def last_arc(angle: float) -> tuple[np.ndarray, np.ndarray] | None:
+        place = source
+        momentum = np.sqrt(1 + 2 * pull[1] * source[1]) * np.array([np.cos(angle), np.sin(angle)])
+        for number, middle in enumerate(middles):
+            clear = [np.sum((place - m) ** 2) - radius**2 for m in middles]
+            if number:
+                clear[0] = 0.0
+            sigma = [met(place, momentum, m, c) for m, c in zip(middles, clear, strict=True)]
+            if not sigma[number] < sigma[1 - number]:
+                return None
+            place = place + sigma[number] * momentum + sigma[number] ** 2 / 2 * pull
+            momentum = momentum + sigma[number] * pull
+            normal = (place - middle) / np.linalg.norm(place - middle)
+            momentum = momentum - 2 * (momentum @ normal) * normal
+        return place, momentum
+
+    angle = next(angle for angle in np.linspace(-np.pi, 0.0, 40_001) if last_arc(angle) is not None)
+    place, momentum = last_arc(angle) or (source, pull)
+    receiver = place + 0.8 * momentum + 0.32 * pull
+    mirrors = [optics.Sphere(tuple(middle), radius, mirror=True) for middle in middles]
+    rays = optics.Scene(optics.Graded(lambda x, y: ca.sqrt(1 + 0.15 * y)), mirrors).rays(source, receiver)
+    assert min(abs(np.arctan2(*ray.tangents[0][::-1]) - angle) for ray in rays) < 1e-9

@@ -18,8 +18,8 @@ from varcalc.optics.arrivals.cells import CROSSED, MOVED, PATH, SLOPE_SHARE, Cel
 from varcalc.optics.media.medium import Field
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.watch import MOST_SEARCHED, MOST_SEARCHED_TOGETHER, NOT_FOLLOWED, Watch, searching
-from varcalc.optics.propagation.sequential import Noted, Propagator, UnderWay, stride
-from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, packed, unpacked
+from varcalc.optics.propagation.sequential import Noted, Propagator, UnderWay
+from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, packed, stride, unpacked
 from varcalc.progress import Stage
 
 FIRST_ANGLES = 64
@@ -34,6 +34,8 @@ PARTS_OF_INTERVAL = 16
 """Parts into which the interval around a parting direction is cut, again and again."""
 MOST_CUTS = 11
 """How often; the last interval is as narrow as round-off."""
+FOLLOWED_CUTS = 5
+"""Of these, those whose rays are followed past other surfaces, where no formula tells how they pass them."""
 LEAST_ANGLE = 4 * float(np.spacing(2 * np.pi))
 """An interval of angles so narrow is not cut."""
 FARTHER = 3.0
@@ -46,6 +48,8 @@ SURELY = 2.0
 """Times what the middle between two rays is off a cubic: no more do rays between them differ from that."""
 MOST_CLOSER = 40
 """Halvings of the interval between two rays that a surface lets through, or turns back."""
+MOST_FOLLOWED = 20
+"""The same where rays are followed past surfaces: they pass crests one after the other, and the next is not near."""
 MOST_DOUBTFUL = 4096
 """Of these intervals at once, for each source; where there are more, they are given up and counted."""
 NOT_ENTERED = -2.0
@@ -136,7 +140,9 @@ class Fan:
         """The rays (m,) at ``angles`` where they come into the last medium; not a number where they do not."""
         return self._entered(source, angles)[0]
 
-    def _entered(self, source: np.ndarray, angles: np.ndarray) -> tuple[Beam, UnderWay]:
+    def _entered(
+        self, source: np.ndarray, angles: np.ndarray, *, noted: bool = False, followed: bool = False
+    ) -> tuple[Beam, UnderWay]:
         """See :meth:`entries`; and how the rays came there or ended before."""
         start = self.sources[source]
         headings = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -144,7 +150,7 @@ class Fan:
         self.looked_at += len(angles)
         self.stage(0, f"laying out rays, {self.looked_at} looked at")
         watch = Watch(self.stage, MOST_SEARCHED)  # what threads count together depends on which is first
-        rays = self.propagator.into_last_medium(beam, self.bounds.path[source], watch)
+        rays = self.propagator.into_last_medium(beam, self.bounds.path[source], watch, noted=noted, followed=followed)
         beam, alive = rays.beam, rays.alive
         self.ends.update(RayStatus(int(code)) for code in rays.status[~alive])
         self.entered += int(np.sum(alive))
@@ -228,12 +234,12 @@ class Fan:
             if len(through) == 0:
                 break
             before, looks = looks, self._closed_in(_FanRays.joined([looks, through]).ordered())
-            fresh = ~np.isin(looks.source + 1j * looks.angles, before.source + 1j * before.angles)
+            fresh = looks.none_of(before)
         return looks.source, looks.angles, looks.entry
 
-    def _looked(self, source: np.ndarray, angles: np.ndarray) -> _FanRays:
+    def _looked(self, source: np.ndarray, angles: np.ndarray, *, followed: bool = True) -> _FanRays:
         """The rays (m,) at ``angles``, and what became of them."""
-        beam, rays = self._entered(source, angles)
+        beam, rays = self._entered(source, angles, noted=True, followed=followed)
         entry = _states(beam)
         assert rays.noted is not None
         ended = NOT_ENTERED - rays.status * (len(self.propagator.surfaces) + 1) - rays.met
@@ -246,7 +252,8 @@ class Fan:
 
     def _closed_in(self, looks: _FanRays) -> _FanRays:
         """The ``looks`` and closer ones on either side of directions that part them."""
-        for _ in range(MOST_CUTS if self._parting else 0):
+        before, wider = looks, looks
+        for cut in range(MOST_CUTS if self._parting else 0):
             parted = np.flatnonzero(self._apart(looks))
             parted = parted[looks.angles[parted + 1] - looks.angles[parted] > LEAST_ANGLE]
             if len(parted) > MOST_PARTINGS * len(self.sources):  # those of rays that end before come last
@@ -255,9 +262,17 @@ class Fan:
                 break
             share = np.arange(1, PARTS_OF_INTERVAL) / PARTS_OF_INTERVAL
             low, high = looks.angles[parted, None], looks.angles[parted + 1, None]
-            more = self._looked(np.repeat(looks.source[parted], len(share)), (low + share * (high - low)).ravel())
+            more = self._looked(
+                np.repeat(looks.source[parted], len(share)), (low + share * (high - low)).ravel(), followed=False
+            )
             looks = _FanRays.joined([looks, more]).ordered()
-        return looks
+            wider = looks if cut < FOLLOWED_CUTS else wider
+        if len(looks) == len(before) or all(self.propagator.told_at_once):
+            return looks
+        # all together take a fraction of the time
+        new, followed = looks.none_of(before), ~looks.none_of(wider)
+        again = self._looked(looks.source[new & followed], looks.angles[new & followed])
+        return _FanRays.joined([before, again, looks.take(np.flatnonzero(new & ~followed))]).ordered()
 
     def _at_windows(self, looks: _FanRays, fresh: np.ndarray) -> _FanRays:
         """Rays (k,) that surfaces lead otherwise than both neighbours, or far apart.
@@ -285,7 +300,8 @@ class Fan:
             alike = np.zeros(len(middle), dtype=bool)
             alike[left.same_way(middle)] = True
             found.append(middle.take(np.flatnonzero(~alike | coarse)))
-            again = np.flatnonzero(alike & (coarse | middle.doubtful(left, right)))
+            closely = halving < MOST_FOLLOWED or all(self.propagator.told_at_once)
+            again = np.flatnonzero(alike & (coarse | middle.doubtful(left, right, closely=closely)))
             left, middle, right = left.take(again), middle.take(again), right.take(again)
             left, right = _FanRays.joined([left, middle]), _FanRays.joined([middle, right])
         return _FanRays.joined(found)
@@ -466,7 +482,7 @@ class Fan:
         beam, last = _beam(states), self.propagator.fields[-1]
         slack = self._slack[source]
         ahead = states[:, PATH] + slack * sigma
-        gain = stride(beam, last, length) * (np.sum(states[:, P] ** 2, axis=1) + slack)
+        gain = stride(beam.position, beam.momentum, last, length) * (np.sum(states[:, P] ** 2, axis=1) + slack)
         front = _medians(source, ahead + gain, gain > 0)[source]
         return _to_front(beam, last, front - ahead, gain, slack)
 
@@ -495,19 +511,28 @@ class _FanRays(Rows):
     course: np.ndarray
     noted: Noted
 
+    def none_of(self, others: _FanRays) -> np.ndarray:
+        """True (m,) for rays that are none of the ``others``."""
+        return ~np.isin(self.source + 1j * self.angles, others.source + 1j * others.angles)
+
     def same_way(self, other: _FanRays) -> np.ndarray:
         """The numbers of the rays that come to the same surfaces as those of ``other``, and as far through them."""
         own, others = self.noted.behind[..., 0], other.noted.behind[..., 0]
         alike = np.all((np.isfinite(own) == np.isfinite(others)) & ((own > 0) == (others > 0)), axis=1)
         return np.flatnonzero(alike & (np.minimum(self.course, -1.0) == np.minimum(other.course, -1.0)))
 
-    def doubtful(self, left: _FanRays, right: _FanRays) -> np.ndarray:
-        """Where (m,) a surface may do otherwise to rays between ``left`` and ``right``; these are the middle ones."""
+    def doubtful(self, left: _FanRays, right: _FanRays, *, closely: bool) -> np.ndarray:
+        """Where (m,) a surface may do otherwise to rays between ``left`` and ``right``; these are the middle ones.
+
+        How ``closely`` rays pass surfaces counts if it is wanted.
+        """
         third = (right.angles - left.angles)[:, None, None] / 3
-        told = [
-            np.concatenate([rays.noted.behind[:, :, None], rays.noted.passing], axis=2) for rays in (left, self, right)
-        ]
-        (low, rise), (middle, _), (high, fall) = (np.moveaxis(one, 3, 0) for one in told)
+        told = slice(None if closely else 1)
+        (low, rise), (middle, rate), (high, fall) = (rays.noted.smooth[..., told] for rays in (left, self, right))
+        # a surface that only some of them come close to has been passed by others, about so
+        known = np.isfinite(middle)
+        low, rise = np.where(known & np.isnan(low), [middle - 1.5 * third * rate, rate], [low, rise])
+        high, fall = np.where(known & np.isnan(high), [middle + 1.5 * third * rate, rate], [high, fall])
         # a cubic lies between its control points
         points = np.stack([low, low + third * rise, high - third * fall, high])
         foretold = points[:2].sum(axis=0) / 8 + points[1:3].sum(axis=0) / 4 + points[2:].sum(axis=0) / 8

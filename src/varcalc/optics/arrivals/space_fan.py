@@ -18,8 +18,8 @@ from varcalc.optics.arrivals.space_cells import COLUMNS, CROSSED, MOVED, PATH, P
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.straight import StraightRays
 from varcalc.optics.models.watch import MOST_SEARCHED, NOT_FOLLOWED, Watch, searching
-from varcalc.optics.propagation.sequential import Propagator, stride
-from varcalc.optics.rays.beam import Beam, RayStatus, launched, packed, unpacked
+from varcalc.optics.propagation.sequential import Propagator
+from varcalc.optics.rays.beam import Beam, RayStatus, launched, packed, stride, unpacked
 from varcalc.progress import Stage
 
 CELLS = 16
@@ -350,7 +350,7 @@ class SpaceFan:
         """How far in σ all rays go, over which most of them turn little."""
         away = np.linalg.norm(states[:, R] - self.bounds.middle, axis=1) - self.bounds.reach
         length = STEP_SHARE * np.maximum(self.bounds.size, away)
-        steps = stride(_beam(states), self.propagator.fields[-1], length)
+        steps = stride(states[:, R], states[:, P], self.propagator.fields[-1], length)
         return float(np.quantile(steps[steps > 0], SHORT_STEPS)) if np.any(steps > 0) else self.bounds.size
 
 

@@ -67,18 +67,6 @@ class StraightRays:
         """See :meth:`varcalc.optics.models.model.Carrier.leg`."""
         return straight_leg(beam, self.squared_index, (path - float(beam.optical_path[0])) / self.squared_index)
 
-    def passing(self, beam: Beam, leaving: int) -> np.ndarray:
-        """By how much rays of the plane pass each surface (m, surfaces, 2), and the derivative by the launching angle.
-
-        In units of its level, not positive where rays go through; not numbers for the surface that they leave, and for
-        those whose level is no polynomial of second degree.
-        """
-        out = np.full((len(beam), len(self.surfaces), 2), np.nan)
-        for number, geometry in enumerate(self.surfaces):
-            if geometry.quadric and number != leaving:
-                out[:, number] = _passing(beam, geometry)
-        return out
-
     def _distance(self, beam: Beam, number: int, end: np.ndarray, leaving: bool) -> np.ndarray:
         """σ (m,) at which each ray first meets surface ``number``; infinite where not before ``end``."""
         geometry = self.surfaces[number]
@@ -106,24 +94,6 @@ def _first_of_two(beam: Beam, geometry: Geometry, leaving: bool) -> np.ndarray:
     if len(rows):
         first[rows] += _rest(beam, geometry, rows, first[rows])
     return first
-
-
-def _passing(beam: Beam, geometry: Geometry) -> np.ndarray:
-    """The level (m, 2) where it is least ahead of rays of the plane, seen from their side, and its derivative.
-
-    Where it has no least value because it is linear its slope tells whether it is met, and where it falls for ever it
-    is.
-    """
-    level, slope, bend = geometry.along(beam.position, beam.momentum)
-    side = np.where(level < 0, -1.0, 1.0)
-    linear = bend == 0
-    with np.errstate(all="ignore"):
-        ahead = np.where(linear | (side * bend < 0), 0.0, np.maximum(-slope / bend, 0.0))
-    closest = moved_on(beam, ahead, 1.0)
-    shift = np.where(linear[:, None], beam.turned[:, 0], closest.moved[:, 0])
-    least = np.where(linear, slope, geometry.level(closest.position))
-    out = side[:, None] * np.stack([least, np.sum(geometry.gradient(closest.position) * shift, axis=1)], axis=1)
-    return np.where((~linear & (side * bend < 0))[:, None], [-1.0, 0.0], out)
 
 
 def _rest(beam: Beam, geometry: Geometry, rows: np.ndarray, far: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,8 +20,9 @@ from varcalc.optics.models.jumps import layers_of
 from varcalc.optics.models.linear import Linear
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.models.parabolas import Parabolas
-from varcalc.optics.models.straight import Straight, StraightRays
+from varcalc.optics.models.straight import Straight
 from varcalc.optics.models.watch import UNWATCHED, Watch
+from varcalc.optics.propagation.passing import PASSES, passing
 from varcalc.optics.rays.beam import (
     AT_END,
     NOTHING,
@@ -33,6 +35,7 @@ from varcalc.optics.rays.beam import (
     caustics_between,
     headings,
     moved_on,
+    stride,
 )
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry, Surface, touched
@@ -46,8 +49,6 @@ NOT_FOLLOWED = (RayStatus.SINGULAR, RayStatus.TOO_MANY_STEPS, RayStatus.INTERRUP
 """Rays that end so cannot be followed a second time to where they ended."""
 STEP_TO_END = 1e-12
 """Of the rest of a leg: a step so little shorter goes to its end."""
-STEP_TURN = 0.3
-"""How far a ray turns over one step, in radians, by order of magnitude."""
 MOST_BENT = 0.5
 """Of their distance: what neighbours may be bent by over one step of those on which conjugate points are counted."""
 LEAST_SHARE = 1e-6
@@ -86,8 +87,8 @@ class Noted(Rows):
     ----------
     behind : ndarray, shape (m, surfaces, 2)
         The squares of the normal momenta behind each surface but mirrors, not above 0 where it turns rays back.
-    passing : ndarray, shape (m, media, shapes, 2)
-        How far straight rays pass each shape in each medium, as :meth:`StraightRays.passing` has it.
+    passing : ndarray, shape (m, media, shapes, PASSES, 2)
+        How far rays pass each shape in each medium, as :func:`varcalc.optics.propagation.passing.passing` has it.
     headings : ndarray, shape (m, surfaces, 2)
         The angles of the directions in which rays leave each surface.
     """
@@ -96,10 +97,16 @@ class Noted(Rows):
     passing: np.ndarray
     headings: np.ndarray
 
+    @property
+    def smooth(self) -> np.ndarray:
+        """What vanishes at edges, and its derivative: (2, m, surfaces, 1 + PASSES * shapes)."""
+        passing = self.passing.reshape(*self.passing.shape[:2], PASSES * self.passing.shape[2], 2)
+        return np.moveaxis(np.concatenate([self.behind[:, :, None], passing], axis=2), 3, 0)
+
     @classmethod
     def nothing(cls, rays: int, surfaces: int, shapes: int) -> Noted:
         """Of rays that have not started."""
-        sizes = ((surfaces,), (surfaces, shapes), (surfaces,))
+        sizes = ((surfaces,), (surfaces, shapes, PASSES), (surfaces,))
         return cls(*(np.full((rays, *size, 2), np.nan) for size in sizes))
 
 
@@ -109,7 +116,8 @@ class UnderWay:
 
     ``rows`` are those that come into the next medium, ``leaving`` (m,) the surfaces from which rays start, ``met`` (m,)
     how many surfaces of the scene they have come to.
-    What is ``noted`` on the way of rays of the plane is so if it is wanted.
+    What is ``noted`` on the way of rays of the plane is so if it is wanted; they are ``followed`` past surfaces where
+    no formula tells how they pass these.
     """
 
     beam: Beam
@@ -119,6 +127,7 @@ class UnderWay:
     rows: np.ndarray
     met: np.ndarray
     noted: Noted | None = None
+    followed: bool = True
 
     @classmethod
     def started(cls, beam: Beam, leaving: np.ndarray | int = NOTHING) -> UnderWay:
@@ -182,8 +191,19 @@ class Propagator:
             shapes = list(dict.fromkeys([*shapes, _shape(self.until)]))
             self.stop = shapes.index(_shape(self.until))
         self.geometries = [Geometry(shape, self.dimension) for shape in shapes]
-        self.fields = [Field(medium, self.dimension) for medium in self.media]
-        self.models = [carrier(self.model, medium, self.dimension, self.geometries) for medium in self.media]
+        kept: dict[int, tuple[Field, Carrier]] = {}  # what is compiled for a medium that stands there twice is so once
+        for medium in self.media:
+            if id(medium) not in kept:
+                model = carrier(self.model, medium, self.dimension, self.geometries)
+                kept[id(medium)] = Field(medium, self.dimension), model
+        self.fields, self.models = (
+            list(both) for both in zip(*(kept[id(medium)] for medium in self.media), strict=True)
+        )
+
+    @cached_property
+    def told_at_once(self) -> list[bool]:
+        """In which media rays need not be followed past surfaces: a formula tells where they meet these."""
+        return [not isinstance(model, HamiltonRays) for model in self.models]
 
     @property
     def name(self) -> str:
@@ -202,9 +222,10 @@ class Propagator:
             rows, every = rays.rows, len(rays.rows) == len(rays.status)
             entry = rays.beam if every else rays.beam.take(rows)
             model = self.models[number]
-            if rays.noted is not None and isinstance(model, StraightRays):
+            if rays.noted is not None and (rays.followed or self.told_at_once[number]):
                 leaving = NOTHING if number == 0 else self.shapes[number - 1]
-                rays.noted.passing[rows, number] = model.passing(entry, leaving)
+                told = passing(model, self.fields[number], self.geometries, entry, limit[rows], leaving)
+                rays.noted.passing[rows, number] = told
             arrival = self._through(number, entry, limit[rows], rays.leaving[rows], watch)
             if every:
                 rays.beam = arrival.beam
@@ -233,10 +254,12 @@ class Propagator:
             rays.status[(rays.status == RayStatus.ARRIVED) & (rays.struck != self.stop)] = RayStatus.MISSED
         return rays.beam, rays.status
 
-    def into_last_medium(self, beam: Beam, limit: np.ndarray, watch: Watch = UNWATCHED) -> UnderWay:
-        """The rays where they enter the last medium, or end before."""
-        rays = UnderWay.started(beam)
-        if self.dimension == PLANE:
+    def into_last_medium(
+        self, beam: Beam, limit: np.ndarray, watch: Watch = UNWATCHED, *, noted: bool = False, followed: bool = True
+    ) -> UnderWay:
+        """The rays where they enter the last medium, or end before; see :class:`UnderWay`."""
+        rays = replace(UnderWay.started(beam), followed=followed)
+        if noted and self.dimension == PLANE:
             rays.noted = Noted.nothing(len(beam), len(self.surfaces), len(self.geometries))
         for _ in self.passages(rays, limit, len(self.surfaces), watch):
             pass
@@ -299,7 +322,8 @@ class Propagator:
         for _ in range(MOST_COUNT_STEPS):
             left = path[rows] - beam.optical_path
             momentum = np.linalg.norm(beam.momentum, axis=1)
-            step = stride(beam, self.fields[number], left / np.maximum(momentum, np.finfo(float).tiny)) * share
+            length = left / np.maximum(momentum, np.finfo(float).tiny)
+            step = stride(beam.position, beam.momentum, self.fields[number], length) * share
             last = step * momentum**2 >= left * (1 - STEP_TO_END)
             on = beam
             if not np.all(last):
@@ -385,20 +409,6 @@ def bent(before: Beam, after: Beam, step: np.ndarray) -> np.ndarray:
 def _shape(surface: Surface) -> Surface:
     """The surface, whatever it does to light."""
     return replace(surface, mirror=False) if surface.mirror else surface  # pyright: ignore[reportArgumentType]
-
-
-def stride(beam: Beam, field: Field, length: np.ndarray) -> np.ndarray:
-    """σ (m,) over which the rays turn little and go no farther than about ``length`` (m,); zero where none is known.
-
-    A ray whose momentum is all but spent turns quickly in space, not in momentum: there it is the pull that counts.
-    """
-    _, gradient, hessian = field(beam.position)
-    momentum, pull = np.linalg.norm(beam.momentum, axis=1), np.linalg.norm(gradient, axis=1) / 2
-    with np.errstate(all="ignore"):
-        turning = STEP_TURN * np.fmax(momentum / pull, np.sqrt(length / pull))
-        bending = STEP_TURN * 2 / np.sqrt(np.linalg.norm(hessian, axis=(1, 2)))
-        step = np.fmin(np.fmin(turning, bending), length / momentum)
-    return np.where(np.isfinite(step), step, 0.0)
 
 
 @dataclass

@@ -129,6 +129,8 @@ def unpacked(states: np.ndarray, dimension: int) -> Beam:
 
 AT_END = 1e-5
 """Of an optical path: conjugate points so close to the end of a ray on a caustic are the end itself."""
+STEP_TURN = 0.3
+"""How far a ray turns over one step, in radians, by order of magnitude."""
 NOTHING = -1
 """In place of the number of a surface: none is met."""
 
@@ -187,6 +189,20 @@ def frames(directions: np.ndarray) -> np.ndarray:
 
 SquaredIndex = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 """From points (m, d) to n² (m,), its gradient (m, d) and its Hessian matrix (m, d, d), as a :class:`Field` has them."""
+
+
+def stride(position: np.ndarray, momentum: np.ndarray, field: SquaredIndex, length: np.ndarray) -> np.ndarray:
+    """σ (m,) over which the rays turn little and go no farther than about ``length`` (m,); zero where none is known.
+
+    A ray whose momentum is all but spent turns quickly in space, not in momentum: there it is the pull that counts.
+    """
+    _, gradient, hessian = field(position)
+    size, pull = np.linalg.norm(momentum, axis=1), np.linalg.norm(gradient, axis=1) / 2
+    with np.errstate(all="ignore"):
+        turning = STEP_TURN * np.fmax(size / pull, np.sqrt(length / pull))
+        bending = STEP_TURN * 2 / np.sqrt(np.linalg.norm(hessian, axis=(1, 2)))
+        step = np.fmin(np.fmin(turning, bending), length / size)
+    return np.where(np.isfinite(step), step, 0.0)
 
 
 def at_surface(

@@ -1,0 +1,280 @@
+"""How closely rays of the plane pass surfaces, which says whether one between two neighbours meets them.
+
+Straight rays pass planes and conics as polynomials of second degree tell. Rays that are integrated are followed step
+by step to where the level is least, and where that is close to zero they are carried there anew, by their model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from varcalc.numerics.roots import bracketed_newton
+from varcalc.optics.media.medium import Field
+from varcalc.optics.models.hamilton import HamiltonRays
+from varcalc.optics.models.model import Carrier
+from varcalc.optics.models.straight import StraightRays
+from varcalc.optics.rays.beam import Beam, Rows, moved_on, stride
+from varcalc.optics.surfaces import Geometry
+
+STEP_SHARE = 0.25
+"""How far a ray goes in one step: of the distance of the farthest surface from its start; beyond that, farther."""
+MOST_STEPS_PAST = 200
+"""Steps of one ray."""
+PARTS_OF_STEP, PARTS_OF_STEP_ELSE = 1, 4
+"""Parts of a step in which the level of a conic may be least, and of other surfaces, which bend on their own."""
+CLOSE = 0.02
+"""Of the way from the start: rays that pass so closely are carried to where they do by their model."""
+LEAST_WITHIN = 1e-6
+"""Of a step: so well is it told where on it the level is least, which changes the level by the square of it."""
+PASSES = 2
+"""What is told of each surface: how closely rays pass it before they meet it, and how far they go through."""
+
+
+def passing(
+    model: Carrier, field: Field, surfaces: Sequence[Geometry], beam: Beam, limit: np.ndarray, leaving: int
+) -> np.ndarray:
+    """By how much rays of the plane pass the surfaces (m, surfaces, PASSES, 2), and its derivative by launching angles.
+
+    In units of the level, seen from the side of the rays, up to the optical path ``limit`` (m,): the least positive one
+    before they go through, and the least on the other side, for rays that go on as if there were no surface. One number
+    tells both of straight rays. Not numbers where there is none, for straight rays and levels that are no polynomials
+    of second degree, and in media whose rays are known in closed form. ``leaving`` is the surface all start from.
+    """
+    out = np.full((len(beam), len(surfaces), PASSES, 2), np.nan)
+    if isinstance(model, StraightRays):
+        for number, geometry in enumerate(surfaces):
+            if geometry.quadric and number != leaving:
+                out[:, number, 0] = _least_of_quadratic(beam, geometry)
+    elif isinstance(model, HamiltonRays) and surfaces and len(beam):
+        past = _Followed.begun(field, surfaces, beam, leaving)
+        past.go(limit)
+        past.carry_close(model, beam)
+        return past.told
+    return out
+
+
+@dataclass
+class _Followed:
+    """m rays followed step by step past n ``surfaces``, from the ``side`` (m, n) of each on which they are.
+
+    What is ``told`` (m, n, PASSES, 2) is so ``after`` as much σ and optical path (m, n, PASSES, 2).
+    Those ``inside`` (m, n) have gone through a surface and are not as far behind it as they come.
+    """
+
+    field: Field
+    surfaces: Sequence[Geometry]
+    steps: _Steps
+    side: np.ndarray
+    told: np.ndarray
+    after: np.ndarray
+    inside: np.ndarray
+
+    @classmethod
+    def begun(cls, field: Field, surfaces: Sequence[Geometry], beam: Beam, leaving: int) -> _Followed:
+        """The rays of ``beam``, on the surface that they are ``leaving``."""
+        steps = _Steps.begun(field, beam)
+        m, n = len(beam), len(surfaces)
+        told, side = np.full((m, n, PASSES, 2), np.nan), np.empty((m, n))
+        for k, geometry in enumerate(surfaces):
+            level, slope, _ = geometry.along(beam.position, beam.momentum)
+            side[:, k] = np.where((slope if k == leaving else level) < 0, -1.0, 1.0)
+            if k != leaving:
+                rate = np.sum(geometry.gradient(beam.position) * beam.moved[:, 0], axis=1)
+                told[:, k, 0] = side[:, [k]] * np.stack([level, rate], axis=1)
+        return cls(field, surfaces, steps, side, told, np.zeros_like(told), np.zeros((m, n), dtype=bool))
+
+    def go(self, limit: np.ndarray) -> None:
+        """Follow the rays until they have gone through a surface, or to the optical path ``limit`` (m,)."""
+        rows, steps, start = np.arange(len(limit)), self.steps, self.steps.place[:, :2]
+        with np.errstate(all="ignore"):
+            scene = np.fmax.reduce([geometry.distance(start) for geometry in self.surfaces])
+            for _ in range(MOST_STEPS_PAST):
+                away = np.linalg.norm(steps.place[:, :2] - start[rows], axis=1)
+                now = _NystromStep.of(self.field, steps, STEP_SHARE * scene[rows] + np.fmax(away - scene[rows], 0.0))
+                through = np.zeros(len(rows), dtype=bool)
+                for quadric in (True, False):
+                    through |= self._looked(now, rows, quadric=quadric)
+                steps = now.end
+                going = ~through & (steps.path < limit[rows]) & (now.size > 0)
+                going &= np.all(np.isfinite(steps.place), axis=1)
+                if not np.all(going):
+                    self._ended(rows[~going], steps.take(np.flatnonzero(~going)))
+                    rows, steps = rows[going], steps.take(np.flatnonzero(going))
+                if len(rows) == 0:
+                    break
+
+    def _looked(self, now: _NystromStep, rows: np.ndarray, *, quadric: bool) -> np.ndarray:
+        """Take in where levels of one kind are least on a step; True (k,) for rays that have gone through a surface."""
+        through, some = np.zeros(len(rows), dtype=bool), [one for one in self.surfaces if one.quadric == quadric]
+        if not some:
+            return through
+        looks = PARTS_OF_STEP if quadric else PARTS_OF_STEP_ELSE
+        shares = np.linspace(0.0, 1.0, looks + 1)
+        places, momenta, *_ = (part.reshape(-1, 2) for part in now.at(np.broadcast_to(shares, (len(rows), looks + 1))))
+        for number, geometry in enumerate(self.surfaces):
+            if geometry.quadric != quadric:
+                continue
+            side, inside = self.side[rows, number], self.inside[rows, number]
+            level, slope, _ = (values.reshape(-1, looks + 1) for values in geometry.along(places, momenta))
+            level, slope = side[:, None] * level, side[:, None] * slope
+            turns = (slope[:, :-1] < 0) & (slope[:, 1:] >= 0)
+            for j in np.flatnonzero(turns.any(axis=0)):
+                least = np.flatnonzero(turns[:, j] & ~through)
+                part = shares[j], shares[j + 1]
+                through[least] |= self._take_in(number, geometry, now.take(least), rows[least], part)
+            self.inside[rows, number] = (inside | (level[:, 1:] < 0).any(axis=1)) & ~through
+        return through
+
+    def _take_in(
+        self, number: int, geometry: Geometry, now: _NystromStep, rows: np.ndarray, shares: tuple[float, float]
+    ) -> np.ndarray:
+        """Tell of the least levels between two ``shares`` of a step; True (k,) where they are behind the surface."""
+        side = self.side[rows, number]
+
+        def falling(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            position, momentum, pull = now.at(u)[:3]
+            _, slope, bend = geometry.along(position, momentum)
+            bend = bend + np.sum(geometry.gradient(position) * pull, axis=1)
+            return -side * slope, -side * bend * now.size
+
+        low, high = (np.full(len(rows), share) for share in shares)
+        u = bracketed_newton(falling, low, high, (low + high) / 2, absolute=LEAST_WITHIN)[0]
+        position, _, _, moved = now.at(u)
+        level = side * geometry.level(position)
+        rate = side * np.sum(geometry.gradient(position) * moved, axis=1)
+        behind = level <= 0
+        before = self.told[rows, number, 0, 0]
+        some = behind | ~(before <= level)
+        own, slot = rows[some], behind[some].astype(int)
+        self.told[own, number, slot] = np.stack([level, rate], axis=1)[some]
+        self.after[own, number, slot] = now.gone(u)[some]
+        return behind
+
+    def _ended(self, rows: np.ndarray, steps: _Steps) -> None:
+        """Of rays that end on the other side of a surface, this is how far they come there."""
+        for k, geometry in enumerate(self.surfaces):
+            some = np.flatnonzero(self.inside[rows, k] & np.isnan(self.told[rows, k, 1, 0]))
+            place, own = steps.place[some], rows[some]
+            level = geometry.level(place[:, :2])
+            rate = np.sum(geometry.gradient(place[:, :2]) * place[:, 2:], axis=1)
+            self.told[own, k, 1] = self.side[own, [k]][:, None] * np.stack([level, rate], axis=1)
+
+    def carry_close(self, model: Carrier, beam: Beam) -> None:
+        """Tell anew, by the model, of rays that pass a surface closely: the steps are right to a few digits only."""
+        for k, geometry in enumerate(self.surfaces):
+            for slot in range(PASSES):
+                with np.errstate(all="ignore"):
+                    scale = np.abs(self.told[:, k, slot, 0]) <= CLOSE * self.after[:, k, slot, 1]
+                rows = np.flatnonzero(scale & (self.after[:, k, slot, 0] > 0))
+                if len(rows) == 0:
+                    continue
+                some, (sigma, path) = beam.take(rows), self.after[rows, k, slot].T
+                there, side = model.onward(some, sigma, some.optical_path + path)[0], self.side[rows, k]
+                with np.errstate(all="ignore"):
+                    level, slope, bend = geometry.along(there.position, there.momentum)
+                    gradient = geometry.gradient(there.position)
+                    bend = bend + np.sum(gradient * self.field(there.position)[1], axis=1) / 2
+                    least = level - slope**2 / (2 * bend)
+                    rate = np.sum(gradient * (there.moved[:, 0] - (slope / bend)[:, None] * there.turned[:, 0]), axis=1)
+                known = np.isfinite(least) & np.isfinite(rate) & (side * bend > 0)
+                self.told[rows[known], k, slot] = (side[:, None] * np.stack([least, rate], axis=1))[known]
+
+
+@dataclass(frozen=True)
+class _Steps(Rows):
+    """m rays between steps: ``place`` and ``speed`` (m, 4) by σ of each and its neighbour, ``pull`` (m, 4) that of it.
+
+    σ and the optical path (m,) count from the start.
+    """
+
+    place: np.ndarray
+    speed: np.ndarray
+    pull: np.ndarray
+    sigma: np.ndarray
+    path: np.ndarray
+
+    @classmethod
+    def begun(cls, field: Field, beam: Beam) -> _Steps:
+        place = np.concatenate([beam.position, beam.moved[:, 0]], axis=1)
+        speed = np.concatenate([beam.momentum, beam.turned[:, 0]], axis=1)
+        with np.errstate(all="ignore"):
+            return cls(place, speed, _pulled(field, place), np.zeros(len(beam)), np.zeros(len(beam)))
+
+
+@dataclass(frozen=True)
+class _NystromStep(Rows):
+    """One step of m rays, as much of σ as its ``size`` (m,); between the ends they are polynomials of fifth degree."""
+
+    start: _Steps
+    end: _Steps
+    size: np.ndarray
+
+    @classmethod
+    def of(cls, field: Field, start: _Steps, length: np.ndarray) -> _NystromStep:
+        """A step of Nyström's of fourth order (Hairer, Nørsett and Wanner, sect. II.14), no longer than ``length``."""
+        h = stride(start.place[:, :2], start.speed[:, :2], field, length)
+        y, v, k1, step = start.place, start.speed, start.pull, h[:, None]
+        k2 = _pulled(field, y + step / 2 * v + step**2 / 8 * k1)
+        k3 = _pulled(field, y + step * v + step**2 / 2 * k2)
+        place, speed = y + step * (v + step / 6 * (k1 + 2 * k2)), v + step / 6 * (k1 + 4 * k2 + k3)
+        grown = h * (np.sum(v[:, :2] ** 2, axis=1) + np.sum(speed[:, :2] ** 2, axis=1)) / 2
+        end = _Steps(place, speed, _pulled(field, place), start.sigma + h, start.path + grown)
+        return cls(start, end, h)
+
+    @cached_property
+    def _terms(self) -> list[np.ndarray]:
+        """The coefficients (m, 4) of ascending powers of the share of the step."""
+        h, a, b = self.size[:, None], self.start, self.end
+        slope, bend = h * a.speed, h**2 * a.pull
+        gap = b.place - a.place - slope - bend / 2
+        gain, turn = h * b.speed - slope - bend, h**2 * b.pull - bend
+        last = [10 * gap - 4 * gain + turn / 2, -15 * gap + 7 * gain - turn, 6 * gap - 3 * gain + turn / 2]
+        return [a.place, slope, bend / 2, *last]
+
+    def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Positions, momenta and pulls (m, ..., 2) after shares ``u`` (m, ...) of a step; how far neighbours are."""
+        aside = tuple(range(1, u.ndim))
+        h, (c0, c1, c2, c3, c4, c5) = self.size, (np.expand_dims(term, aside) for term in self._terms)
+        h, u = np.expand_dims(h, (*aside, u.ndim)), u[..., None]
+        place = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
+        own = slice(0, 2)
+        c1, c2, c3, c4, c5 = (c[..., own] for c in (c1, c2, c3, c4, c5))
+        going = c1 + u * (2 * c2 + u * (3 * c3 + u * (4 * c4 + u * 5 * c5)))
+        pull = 2 * c2 + u * (6 * c3 + u * (12 * c4 + u * 20 * c5))
+        return place[..., own], going / h, pull / h**2, place[..., 2:]
+
+    def gone(self, u: np.ndarray) -> np.ndarray:
+        """σ and the optical path (m, 2) after the share ``u`` (m,) of the step, since the start."""
+        sigma, path = (
+            low + u * (high - low)
+            for low, high in ((self.start.sigma, self.end.sigma), (self.start.path, self.end.path))
+        )
+        return np.stack([sigma, path], axis=1)
+
+
+def _pulled(field: Field, place: np.ndarray) -> np.ndarray:
+    """What pulls rays (m, 2), and their neighbours beside them (m, 2), at places (m, 4)."""
+    _, gradient, hessian = field(place[:, :2])
+    return np.concatenate([gradient, np.einsum("mij,mj->mi", hessian, place[:, 2:])], axis=1) / 2
+
+
+def _least_of_quadratic(beam: Beam, geometry: Geometry) -> np.ndarray:
+    """The level (m, 2) where it is least ahead of straight rays, seen from their side, and its derivative.
+
+    Where it has no least value because it is linear its slope tells whether it is met, and where it falls for ever it
+    is.
+    """
+    level, slope, bend = geometry.along(beam.position, beam.momentum)
+    side = np.where(level < 0, -1.0, 1.0)
+    linear = bend == 0
+    with np.errstate(all="ignore"):
+        ahead = np.where(linear | (side * bend < 0), 0.0, np.maximum(-slope / bend, 0.0))
+    closest = moved_on(beam, ahead, 1.0)
+    shift = np.where(linear[:, None], beam.turned[:, 0], closest.moved[:, 0])
+    least = np.where(linear, slope, geometry.level(closest.position))
+    out = side[:, None] * np.stack([least, np.sum(geometry.gradient(closest.position) * shift, axis=1)], axis=1)
+    return np.where((~linear & (side * bend < 0))[:, None], [-1.0, 0.0], out)
