@@ -374,3 +374,46 @@ def test_what_falls_on_on_both_sides_of_a_hill_is_two_valleys(side, steep):
     straight = min(float(action(x, v * x, v + 0 * x, np) @ weights) - 0.701 * side * 3 * v for v in slopes)
     assert found.value < straight
     assert not found.local
+
+
+def summed(lagrangian, x, y):
+    """The functional along the polygon with vertices y (K + 1, ...) at x, by a rule in NumPy."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    total = 0.0
+    for a, b, p, q in zip(x[:-1], x[1:], y[:-1], y[1:], strict=True):
+        slope = (q - p) / (b - a)
+        for share, weight in zip(0.5 + 0.5 * nodes, weights, strict=True):
+            total += 0.5 * (b - a) * weight * lagrangian(a + share * (b - a), p + share * (q - p), slope, np)
+    return float(total)
+
+
+def test_a_valley_under_a_ceiling_is_seen_where_waves_have_others_far_away():
+    # the sine has wells without number: a lattice over them has few levels beside the curve
+    def lagrangian(x, y, v, m):
+        return v**4 / 4 + v**2 / 4 + 1.118 * x * y - 2.77 * y + 1.132 * m.sin(3.046 * y)
+
+    ceiling = vc.Bound(lambda x, y, v: y, upper=0.787)
+    found = vc.solve(
+        vc.Problem(lambda x, y, v: lagrangian(x, y, v, ca), vc.Fixed(0, 0.687), vc.Fixed(2, -0.621), [ceiling])
+    )
+    x = np.array([0, 0.125, 0.19, 0.25, 0.375, 0.5, 0.625, 0.75, 1, 1.25, 1.5, 1.75, 2])
+    y = np.array([0.687, 0.77, 0.787, 0.786, 0.727, 0.627, 0.508, 0.38, 0.122, -0.11, -0.298, -0.447, -0.621])
+    assert found.value <= summed(lagrangian, x, y)
+    assert not found.local
+
+
+def test_a_narrow_well_off_both_axes_is_seen_where_waves_have_others_far_away():
+    def lagrangian(x, y, v, m):
+        well = m.exp(-((y[0] + 0.376) ** 2 + (y[1] - 0.895) ** 2) / 0.119)
+        wave = m.sin(3.352 * (0.973 * y[1] - 0.419 * y[0]) + x / 2)
+        return 0.65 * v[0] ** 2 + 0.5 * v[1] ** 2 + 0.334 * v[0] * v[1] + 1.042 * wave - 2.63 * well
+
+    ends = vc.Fixed(0, [1, 0.408]), vc.Fixed(2, [-0.532, -0.105])
+    found = vc.solve(vc.Problem(lambda x, y, v: lagrangian(x, y, v, ca), *ends))
+    x = np.array([0, 0.25, 0.5, 0.75, 1, 1.5, 1.75, 2])
+    rows = (
+        [1, 0.371, -0.16, -0.342, -0.386, -0.442, -0.518, -0.532],
+        [0.408, 0.722, 0.948, 0.958, 0.941, 0.861, 0.589, -0.105],
+    )
+    assert found.value <= summed(lagrangian, x, np.array(rows).T)
+    assert not found.local

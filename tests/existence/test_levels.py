@@ -130,3 +130,34 @@ def test_a_level_out_of_reach_is_told():
     solution = vc.solve(between(lambda x, y, v: v**2 / 2, lambda x, y, v: v**4, -0.1), throw=False)
     assert solution.verdict is vc.Verdict.INFEASIBLE
     assert "between 0 and inf" in solution.message
+
+
+def test_zigzags_elsewhere_that_keep_a_length_are_told():
+    # where the curve runs L less the level is convex in the slope; along a hill's foot two slopes in turn come lower
+    def lagrangian(x, y, v, m):
+        hills = 1.3175 * ((y + 0.085) ** 2 - 0.5) ** 2 + 0.0855 * (y + 0.56) ** 2 - 0.152 * m.sin(0.732 * y + 1.353 * x)
+        return (3.5 + m.tanh(hills)) * m.sqrt(1 + 0.963 * v**2)
+
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: lagrangian(x, y, v, ca), vc.Fixed(0, -0.493), vc.Free(4), [vc.Isoperimetric(length, 4.482)]
+        ),
+        throw=False,
+    )
+    # steeply down, then along y = -0.8 by two slopes in turn for a while
+    x = np.array([0, 0.125, 0.25, 0.5, 1, 2.125, 4])
+    y, spread = np.array([-0.493, -0.598, -0.67, -0.742, -0.769, -0.798, -0.788]), [0, 0, 0, 0, 1, 0]
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+
+    def mixed(function, half):
+        parts = zip(x[:-1], x[1:], y[:-1], y[1:], spread, strict=True)
+        return sum(
+            0.5 * (b - a) * weight * function(a + (1 + t) / 2 * (b - a), p + (1 + t) / 2 * (q - p), slope) / 2
+            for a, b, p, q, turn in parts for t, weight in zip(nodes, weights, strict=True)
+            for slope in ((q - p) / (b - a) + half * turn, (q - p) / (b - a) - half * turn)
+        )  # fmt: skip
+
+    half = brentq(lambda half: mixed(lambda x, y, v: np.hypot(1, v), half) - 4.482, 0, 10)
+    known = mixed(lambda x, y, v: lagrangian(x, y, v, np), half)
+    assert known < 15.7
+    assert found.local or found.value <= known or not found.status.ok

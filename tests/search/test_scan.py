@@ -76,3 +76,8 @@ def test_only_one_open_number_is_scanned():
 def test_slopes_are_told_in_their_unit():
     fall = vc.Problem(spring, vc.Fixed(0, 0), vc.Fixed(1, 1), names=("t", "h"), units=("s", "m"))
     assert "slope in [-1e+06, 1e+06] m/s that" in scan(EndMap(forms(fall)[0])).searched
+
+
+def test_no_trajectories_are_asked_for_and_none_come():
+    # every interval may be resolved, or beyond the budget, when the next ones are to be halved
+    assert EndMap(forms(vc.Problem(lambda x, y, v: v**2 + y**4, vc.Fixed(0, 0), vc.Fixed(1, 1)))[0]).shots([]) == []

@@ -84,8 +84,9 @@ LEAST_SWING = 1e-3
 """How much L changes from a turn to the next, of its greatest such change, for the levels to reach so far."""
 LEVEL_MARGIN = 0.25
 """Share of their range by which the levels go beyond the turns."""
-FAR_APART, LEVELS_ABOUT, ABOUT = 3.0, 36, 0.25
-"""Range of the levels, in extents, from which on more lie about the curve, how many do, and how far they go beyond it.
+FAR_APART, ABOUT, LEVELS_FAR, LEVELS_ABOUT = 3.0, 0.25, 36, 36
+"""Range of the turns, in extents, from which on some levels lie about the curve, how far they go beyond it, and how
+many lie evenly far out and there.
 """
 CLOSER = 3
 """Looks, each as much closer as there are levels, by which the edge of where curves may go is found."""
@@ -604,9 +605,11 @@ def across_the_landscape(landscape: LandscapeWithUnit, ordinates: Callable[[np.n
         return None
     low, high = min(turns.min(), c.min()), max(turns.max(), c.max())
     room = LEVEL_MARGIN * (high - low)
-    levels = np.linspace(low - room, high + room, LEVELS)
+    # beside the curve a few of many that reach far tell nothing
+    far = high - low > FAR_APART * extent
+    levels = np.linspace(low - room, high + room, LEVELS_FAR if far else LEVELS)
     levels = np.union1d(levels, _rests(landscape, x, levels))
-    if levels[-1] - levels[0] > FAR_APART * extent:  # beside the curve a few of so many tell nothing
+    if far:
         about = ABOUT * extent
         levels = np.union1d(levels, np.linspace(c.min() - about, c.max() + about, LEVELS_ABOUT))
     beside = _edges(landscape, x, c, levels[[0, -1], None] + np.zeros(len(x)))

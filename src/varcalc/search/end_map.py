@@ -157,6 +157,8 @@ class EndMap:
 
     def shots(self, places: Sequence[float]) -> list[TrialTrajectory]:
         """The same for many u: what asks whether they went past something narrow asks it of all together."""
+        if not places:
+            return []
         runs = self._runs([math.sinh(u) for u in places], np.linspace(0.0, 1.0, STATIONS))
         return [self._told(u, run) for u, run in zip(places, runs, strict=True)]
 
