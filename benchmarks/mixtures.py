@@ -27,7 +27,7 @@ from campaigns.mixtures import Mixture, mixture
 PANELS, ALIKE, KEPT = 6000, 2e-3, 1e-6
 """Panels by which an answer's curve is summed, how nearly that is its value, and how nearly bounds are kept."""
 
-SEEN_TO = 1e-5
+SEEN_TO = 3e-5
 """How nearly what IPOPT comes to is known, relatively."""
 
 

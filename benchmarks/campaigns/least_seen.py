@@ -15,7 +15,7 @@ from campaigns.kinds import Drawn, Switches
 
 ROUNDED = 1e-3
 """How wide what switches is rounded off."""
-PIECES, STARTS, FINE, ITERATIONS = 32, 14, 60, 300
+PIECES, STARTS, FINE, ITERATIONS = 32, 14, 600, 300
 """Pieces of a curve, curves at random, parts of a piece of the fine rule, and IPOPT's iterations."""
 SIZES = 0.0, 0.5, 1.5
 """Sizes of the waves on the curves at random, one after the other."""
