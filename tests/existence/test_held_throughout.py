@@ -153,3 +153,42 @@ def test_a_switch_that_no_slope_leads_onto_is_not_followed_for_ever():
     )
     solution = vc.solve(problem, tol=1e-6)
     assert abs(solution.value - (4 / width - level * width)) <= solution.error.value + 1e-14
+
+
+def lowest_well():
+    """The least of (y^2 - 1)^2 + y/5, from the roots of its slope."""
+    return min((y**2 - 1) ** 2 + y / 5 for y in np.roots([4, 0, -4, 0.2]).real)
+
+
+@pytest.mark.parametrize(
+    ("potential", "value"),
+    [
+        (lambda x, y: (y - 0.7) ** 2, 0.0),
+        # friction of 0.3 holds what a wave pulls at by less; the wave's square sums to half its height's
+        (lambda x, y: (y - 0.7 - 0.05 * ca.sin(np.pi * x)) ** 2, 0.0025),
+        (lambda x, y: ca.fabs(y - 0.4) + y**2, 0.32),
+        (lambda x, y: (y**2 - 1) ** 2 + y / 5, 2 * lowest_well()),
+        (lambda x, y: 1e-6 * (y - 700) ** 2, 0.0),
+    ],
+    ids=["a well", "a wave", "a kink in the well", "two wells", "far away"],
+)
+@pytest.mark.parametrize("sign", [1, -1], ids=["least", "greatest"])
+def test_friction_holds_a_closed_curve(potential, value, sign):
+    problem = vc.Problem(
+        lambda x, y, v: sign * (v**2 / 2 + 0.3 * ca.fabs(v) + potential(x, y)), vc.Periodic(0, 2), vc.Periodic(0, 2),
+        maximise=sign < 0,
+    )  # fmt: skip
+    found = vc.solve(problem)
+    assert abs(found.value - sign * value) <= found.error.value
+    assert not found.local
+
+
+def test_a_wave_that_friction_does_not_hold_moves_a_closed_curve():
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2 + 0.3 * ca.fabs(v) + (y - 3 * ca.sin(np.pi * x)) ** 2, vc.Periodic(0, 2),
+            vc.Periodic(0, 2),
+        ),
+        throw=False,
+    )  # fmt: skip
+    assert not found.status.ok or found.value < 9 - 1e-3  # at rest it is 9

@@ -20,7 +20,9 @@ from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
+from varcalc.problem.breaks import on_curve
 from varcalc.problem.convexity import proved_jointly_convex
+from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Status
 from varcalc.symbolic.evaluation import in_columns
@@ -40,6 +42,18 @@ TRIED_PLACES = 41
 OTHER_SLOPES = np.concatenate([-np.geomspace(1e4, 1e-4, 33), np.geomspace(1e-4, 1e4, 33)])
 """Slopes, beside the curve's own and in units of what the functional feels, that are held against its own."""
 STEPS_ONTO_KINK = 8
+REST_POINTS, MOST_RESTS = 3, 3
+"""Gauss points an element by which it is told what resting costs, and ordinates that are tried."""
+BRENT_TOLERANCE, BRENT_KNOWN = 1e-12, 3e-11
+"""Brent's own tolerance, and how nearly, of itself or the interval, it knows the place of a sharp minimum."""
+REST_KNOWN, SHARP = 1e-7, 1e-9
+"""The same of a flat one, and the rise on that way, in units of the value or the interval, from which one is sharp."""
+COSTS_ROUNDED = 1e-12
+"""Difference of two costs of resting that is round-off, in units of what is summed."""
+RESTS_TRIED = np.unique(
+    np.concatenate([reach * np.linspace(-1, 1, 257) for reach in np.sqrt(2) * 8.0 ** np.arange(-1, 5)])
+)
+"""Ordinates at which closed curves may rest, in units of the interval: no round number lies half way between two."""
 NOT_PRESSED = np.zeros((2, 2))
 """Of a curve that no bound holds."""
 FOLLOWED_TOLERANCE, ORDINATE_ROUND_OFF = 1e-13, 1e-15
@@ -81,6 +95,74 @@ def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Cr
         if convex or (free and _stands(problem, along, momentum)):
             return _answer(problem, method, along)
     return None
+
+
+def resting(problem: Functional, method: Ritz) -> Solution | None:
+    """The closed curve that friction holds at one ordinate all the way round; None where that is not shown to stand.
+
+    The ordinate is one at which resting costs least: what pulls at the curve then adds up to nothing on the way round,
+    and its momentum comes back to what it was.
+    """
+    if not (isinstance(problem, Problem) and problem.start.periodic and problem.n == problem.order == 1):
+        return None
+    held = any(_at_rest(problem, switch) for switch in on_curve(problem))
+    if problem.constraints or problem.unknowns or problem.end_cost is not None or not held:
+        return None
+    convex, x = proved_jointly_convex(problem), np.linspace(*problem.span, MOMENTUM_STEPS)
+    for ordinate, room in _cheapest_rests(problem)[:MOST_RESTS]:
+        along = _constant(ordinate)
+        momentum = held_momentum(problem, along, x)
+        if momentum is None:
+            continue
+        begun = float(momentum.values[0])
+        closed = held_momentum(problem, along, x, (begun, begun))
+        if closed is not None and (convex or (momentum.free and _stands(problem, along, closed))):
+            return _answer(problem, method, along, room)
+    return None
+
+
+def _at_rest(problem: Problem, switch: Switch) -> bool:
+    """Whether a kink is met by whatever rests, wherever it does."""
+    s = problem.symbols
+    if switch.smooth or ca.depends_on(switch.argument, ca.vertcat(s.x, s.y)):
+        return False
+    argument = ca.Function("argument", [s.dy, s.parameters], [switch.argument])
+    return bool(switch.met(*(np.asarray(argument(0.0, problem.parameter_values)).ravel() for _ in range(2)))[0] > 0)
+
+
+def _constant(ordinate: float) -> Curve:
+    return lambda x, derivative: np.full((1, len(x)), 0.0 if derivative else ordinate)
+
+
+def _cheapest_rests(problem: Problem) -> list[tuple[float, float]]:
+    """The ordinates at which resting costs less than beside them, the cheapest first, and how nearly each is known."""
+    from scipy.optimize import minimize_scalar  # few solves come here
+
+    x, weights = composite_gauss(np.linspace(*problem.span, SUMMED_ELEMENTS + 1), REST_POINTS)
+    width = problem.span[1] - problem.span[0]
+
+    def terms(y: np.ndarray) -> np.ndarray:
+        count, places = len(y), len(x)
+        at = np.tile(x, count), np.repeat(y, places)[None], np.zeros((1, count * places))
+        return problem.sign * problem.integrand_values(*at).reshape(count, places) * weights
+
+    def cost(y: float) -> float:
+        return float(terms(np.array([y])).sum())
+
+    found = []
+    tried = width * RESTS_TRIED
+    with np.errstate(all="ignore"):
+        values = terms(tried)
+        costs, rounded = np.nan_to_num(values.sum(1), nan=np.inf), COSTS_ROUNDED * np.abs(values).sum(1)
+        lower = (costs + rounded)[1:-1] < np.minimum(costs[:-2], costs[2:])
+        for k in (1 + np.flatnonzero(lower)).tolist():
+            least = minimize_scalar(cost, tuple(tried[k - 1 : k + 2]), method="brent", tol=BRENT_TOLERANCE)
+            y, size = float(least.x), max(abs(float(least.x)), width)
+            flat = REST_KNOWN * size
+            # at a kink of L the place is known as nearly as Brent's method stops
+            sharp = abs(cost(y + flat) - float(least.fun)) > SHARP * max(abs(float(least.fun)), width)
+            found.append((float(least.fun), y, BRENT_KNOWN * size if sharp else flat))
+    return [(y, room) for _, y, room in sorted(found)]
 
 
 def _between_ends(problem: Problem, along: Curve) -> bool:
@@ -208,16 +290,20 @@ def _stands(problem: Problem, along: Curve, momentum: HeldMomentum) -> bool:
     return bool((excess >= -NEARLY * np.abs(there)).all())
 
 
-def _answer(problem: Problem, method: Ritz, along: Curve) -> Solution:
-    """The functional of a curve, with what two rules differ by and round-off of ordinates beside a kink makes."""
+def _answer(problem: Problem, method: Ritz, along: Curve, room: float = 0.0) -> Solution:
+    """The functional of a curve, with what two rules differ by and round-off of ordinates beside a kink makes.
+
+    Ordinates may be off by a ``room`` besides.
+    """
     values = []
-    for points, near in ((SUMMED_POINTS, 1.0), (SUMMED_POINTS + 4, 1.0), (SUMMED_POINTS + 4, 1.0 + ORDINATE_ROUND_OFF)):
+    for points, near in ((SUMMED_POINTS, 0.0), (SUMMED_POINTS + 4, 0.0), (SUMMED_POINTS + 4, 1.0)):
         x, weights = composite_gauss(np.linspace(*problem.span, SUMMED_ELEMENTS + 1), points)
-        terms = problem.integrand_values(x, near * along(x, 0), along(x, 1))
+        y = (1.0 + near * ORDINATE_ROUND_OFF) * along(x, 0) + near * room
+        terms = problem.integrand_values(x, y, along(x, 1))
         values.append((float(terms @ weights), float(np.abs(terms) @ weights)))
     (coarse, _), (value, size), (moved, _) = values
     error = abs(value - coarse) + abs(value - moved) + FOLLOWED_TOLERANCE * size
-    off = FOLLOWED_TOLERANCE * float(np.abs(along(x, 0)).max())
+    off = room + FOLLOWED_TOLERANCE * float(np.abs(along(x, 0)).max())
     return Solution(
         problem, method, Status.SOLVED, value, ErrorEstimate(error, off), np.array(problem.span), along,
         sensitivities=_sensitivities(problem, along, x, weights),
