@@ -332,11 +332,14 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
                 return fallen
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
             found += _across(across)
+        boxes: list[Valleys] = []
         if bends:
             bent, fall = _least_bent(pairs)
             if fall is not None:
                 return _on_fall(best, fall)
-        boxes: list[Valleys] = ([] if bent is None else [bent]) if bends else [*together(pairs)]
+            boxes += [] if bent is None else [bent]
+        else:
+            boxes += together(pairs)
         levelled = _keeping_levels(best, pairs)
         seen.alternating = min(
             (t.alternating for t in levelled if t.alternating is not None and t.may_be_lower(best)),
