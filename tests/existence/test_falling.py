@@ -44,6 +44,8 @@ BOUNDED = {
     "a beam that stands": vc.Problem(
         lambda x, y, v, w: w**2 - 39 * v**2, vc.Fixed(0, 0, 0), vc.Fixed(1, 0, 0), order=2
     ),
+    # int y sqrt(1 - v^2) is the area below a string of length 1: at most 1/(2 pi), and no curve has v > 1
+    "an area by its arc": graph(lambda x, y, v: y * ca.sqrt(1 - v**2), maximise=True),
     "a descent": graph(lambda x, y, v: ca.sqrt((1 + v**2) / y), vc.Fixed(1, 1)),
     # area is negative for y < 0, but no curve gets there without passing where L_vv = 0
     "a soap film": vc.Problem(lambda x, y, v: y * ca.sqrt(1 + v**2), vc.Fixed(-1, 1), vc.Fixed(1, 1)),

@@ -1,4 +1,4 @@
-"""Certificates of convex functionals of which no second derivative is asked, by duality and one admissible curve."""
+"""Certificates by duality and one admissible curve: of convex functionals, and where slopes alone are not convex."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from varcalc.certificates.jets import Jet
 from varcalc.certificates.setting import as_graph, setting_along
 from varcalc.certificates.statement import Statement, statement
 from varcalc.formulation import SideCondition
-from varcalc.problem.convexity import proved_jointly_convex
+from varcalc.problem.convexity import end_cost_proved_convex, proved_jointly_convex
 from varcalc.solution import Solution
 from varcalc.symbolic.tracing import Expression
 from varcalc.verify.along_curve import AlongCurve
 
 CONVEX = "L is a sum of convex functions of one slope each and of a jointly convex one, and so is what bounds add to it"
+OF_POLYNOMIALS = "L is a sum of polynomials of one slope each, or the least of some, and of a jointly convex function"
 MOMENTA = (
     "with momenta p that grow by L_y along y0 and are at free ends what these ask for, L - p v is nowhere less "
     "than on y0 by more than the lower bound allows for"
@@ -34,7 +35,7 @@ MOMENTA = (
 
 @dataclass(frozen=True)
 class ByConvexity:
-    """The proof of a convex graph's ``solution``, of the curve ``along`` in its own coordinates."""
+    """The proof of a graph's ``solution``, of the curve ``along`` in its own coordinates."""
 
     solution: Solution
     along: AlongCurve
@@ -89,13 +90,14 @@ class ByConvexity:
                 found += [(end, i, side) for i in places if not self._stated.held[end][i]]
         return found
 
-    def bounds(self) -> tuple[Ball, Ball]:
-        """The two numbers, of what is minimised."""
+    def bounds(self) -> tuple[Ball, Ball, bool]:
+        """The two numbers, of what is minimised, and whether all of its terms are proved convex."""
         dual = DualBound(self._with_ends(), self._between)
         dual.check()
         found = dual.found()
         cost = self._cost(dual, found)
-        return (found.value + cost - found.lost).lower(), self._above(found.value + cost).upper()
+        value = found.value + cost
+        return (value - found.lost).lower(), self._above(value).upper(), dual.convex
 
     def _with_ends(self) -> Statement:
         """The statement with ends given where bounds hold them."""
@@ -123,7 +125,7 @@ class ByConvexity:
 
 
 def by_convexity(solution: Solution) -> tuple[Ball, Ball, list[Hypothesis]]:
-    """Two numbers between which what a convex graph minimises lies, and what was proved; Unproved where it is not."""
+    """Two numbers between which what a graph minimises lies, and what was proved; Unproved where it is not."""
     along = as_graph(solution)
     if along is None:
         raise Unproved("convexity alone is of use for graphs between given abscissae")
@@ -134,13 +136,17 @@ def by_convexity(solution: Solution) -> tuple[Ball, Ball, list[Hypothesis]]:
         or bool(along.integrals)
         or bool(len(along.numbers))
         or bool(form.conditions.waypoints),
-        "the functional and what it is made least over are not proved convex": not proved_jointly_convex(
-            solution.problem
-        ),
+        "the functional and what it is made least over are not proved convex": bool(along.paths)
+        and not proved_jointly_convex(solution.problem),
+        "what the ends cost is not proved convex": not end_cost_proved_convex(solution.problem),
         "periodic ends that cost something are not covered": form.ends.periodic and form.ends.joint is not None,
     }
     reason = next((reason for reason, holds in reasons.items() if holds), "")
     if reason:
         raise Unproved(reason)
-    low, high = ByConvexity(solution, along).bounds()
-    return low, high, [Hypothesis(CONVEX, Means.COMPOSITION), Hypothesis(MOMENTA, Means.BALLS)]
+    low, high, convex = ByConvexity(solution, along).bounds()
+    return (
+        low,
+        high,
+        [Hypothesis(CONVEX if convex else OF_POLYNOMIALS, Means.COMPOSITION), Hypothesis(MOMENTA, Means.BALLS)],
+    )

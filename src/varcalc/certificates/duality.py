@@ -11,6 +11,8 @@ Variational Problems", ch. III). What phi_j is less elsewhere than along the cur
 which need no derivative: where phi(a) and phi(b) are no less than phi(c), a < c < b, it is least between a and b, and
 there nowhere below the lines through c and a, and through c and b. Slopes may be bounded.
 
+Of f_j no more is asked than that phi_j is bounded so: a polynomial of one slope need not be convex, see :mod:`wells`.
+
 Where both ends are free p needs a constant more, r in p' = R_y + r, and the terms of one function alone are dealt with
 like those of one slope.
 """
@@ -43,6 +45,7 @@ from varcalc.certificates.jets import Jet, Switch, Undecided, without_enclosure
 from varcalc.certificates.statement import Statement, statement
 from varcalc.certificates.summands import summands
 from varcalc.certificates.taylor import TAYLOR_ORDER, AtEnd, Values, views_of
+from varcalc.certificates.wells import LeastOfPolynomial, NotPolynomial, branches, shifted
 from varcalc.symbolic.convexity import Entry, proved_convex
 from varcalc.symbolic.tracing import Expression
 
@@ -144,23 +147,44 @@ class DualBound:
         return statement(replace(self.stated.along, integrand=integrand))
 
     @cached_property
+    def _polynomials(self) -> dict[int, list[list[Statement]]]:
+        """Of terms of a slope that are not proved convex, by their places: polynomials one of which each is."""
+        found = {}
+        for term in self._split[1]:
+            bounded = math.isfinite(term.low) or math.isfinite(term.high)
+            if term.place >= self.stated.n and not bounded and not self._convex(term.stated):
+                try:
+                    found[term.place] = [[self._of(c) for c in one] for one in branches(term.stated, term.place)]
+                except NotPolynomial:
+                    raise Unproved(NOT_CONVEX) from None
+        return found
+
+    def _convex(self, stated: Statement) -> bool:
+        parameters: list[Entry] = [float(v) for v in stated.along.form.problem.parameter_values]
+        watched: list[Entry] = [None] * stated.n
+        return proved_convex(stated.function, [[stated.along.span], watched, watched, [], parameters, [], [], []])
+
+    @property
+    def convex(self) -> bool:
+        """Whether all terms are proved convex."""
+        return not self._polynomials
+
+    @cached_property
     def _loose(self) -> list[int]:
         """The functions whose momenta are known at both ends."""
         held = self.stated.held
         return [i for i in range(self.stated.n) if self.stated.periodic or not (held[0][i] or held[1][i])]
 
     def check(self) -> None:
-        """Prove that all is convex, and that no operation is unknown; Unproved where it is not."""
+        """Prove that all is convex but polynomials of one slope, and no operation unknown; Unproved where it is not."""
         rest, terms = self._split
-        along = self.stated.along
-        parameters: list[Entry] = [float(v) for v in along.form.problem.parameter_values]
-        watched: list[Entry] = [None] * self.stated.n
         for stated in (rest, *(t.stated for t in terms)):
             strange = without_enclosure(stated.function)
             if strange:
                 raise Unproved(f"the Lagrangian holds {strange}, of which no enclosure is known")
-            if not proved_convex(stated.function, [[along.span], watched, watched, [], parameters, [], [], []]):
-                raise Unproved(NOT_CONVEX)
+        of_slopes = self._polynomials
+        if not all(map(self._convex, [rest, *(t.stated for t in terms if t.place not in of_slopes)])):
+            raise Unproved(NOT_CONVEX)
 
     @cached_property
     def _sizes(self) -> list[float]:
@@ -306,13 +330,36 @@ class DualBound:
             else:
                 slope = momenta.along(part, i, start[i]) - part.slopes[term.place]
             switches = term.stated.switches(piece.centre, piece.half)
-            found = ThreeValues(part, term, slope, self._sizes[term.place], switches).least()
+            values = ThreeValues(part, term, slope, self._sizes[term.place], switches)
+            found = self._least(values) if term.place in self._polynomials else values.least()
             if found is None:
                 return nothing
             value, lost = value + found[0], lost + found[1]
         value, lost = value * part.box.unit, 2 * lost * part.box.unit
         # what is not known of the value narrows with the box as well
         return Bounded(part, start, value, above(lost + 2 * value.rad())) if value.is_finite() else nothing
+
+    def _least(self, values: ThreeValues) -> tuple[Ball, Ball] | None:
+        """What :meth:`ThreeValues.least` is, of a term that is one of some polynomials."""
+        on, part, n = values.at(0.0), values.part, self.stated.n
+        if on is None:
+            return None
+        slope, less, piece = part.rows[values.term.place], flint().arb(0), self.pieces[part.k]
+        rows = list(zip(*(r.by_views() for r in part.rows), strict=True))
+
+        def along(c: Statement) -> Values:
+            switches = c.switches(piece.centre, piece.half)
+            series = [c.jet(v.abscissa(), r[:n], r[n:], 0, switches) for v, r in zip(part.views, rows, strict=True)]
+            return Values.on(part.views, [jet.value for jet in series])
+
+        for one in self._polynomials[values.term.place]:
+            around = shifted(list(map(along, one)), slope)
+            around[0], around[1] = around[0] - on, around[1] - values.slope
+            found = LeastOfPolynomial(around, values.size).less_than_nothing()
+            if found is None:
+                return None
+            less = less.max(found)
+        return on.integral(), less
 
 
 @dataclass(frozen=True)
@@ -370,7 +417,7 @@ class ThreeValues:
         self.part, self.term, self.slope, self.size, self.switches = part, term, slope, size, switches
         self._kept: dict[tuple[float, float], Values | None] = {}
 
-    def _at(self, shift: float, more: float = 0.0) -> Values | None:
+    def at(self, shift: float, more: float = 0.0) -> Values | None:
         """The function at the distance ``shift + more`` from the curve; None where it is not smooth there."""
         key = shift, more
         if key not in self._kept:
@@ -397,11 +444,11 @@ class ThreeValues:
 
         None where that is not found.
         """
-        on, shift = self._at(0.0), 0.0
+        on, shift = self.at(0.0), 0.0
         if on is None:
             # on a kink: no more than the mean of what it is on either side
-            shift = next((d for d in self._distances if self._at(d) and self._at(-d)), 0.0)
-            right, left = self._at(shift), self._at(-shift)
+            shift = next((d for d in self._distances if self.at(d) and self.at(-d)), 0.0)
+            right, left = self.at(shift), self.at(-shift)
             if right is None or left is None:
                 return None
             on = (right + left) * 0.5
@@ -417,7 +464,7 @@ class ThreeValues:
 
         Then how far the farther outer place is.
         """
-        inner = self._at(shift)
+        inner = self.at(shift)
         above_it, below_it = (self._side(sign, shift) for sign in (1, -1))
         if inner is None or above_it is None or below_it is None:
             return None, 0.0
@@ -467,5 +514,5 @@ class ThreeValues:
 
     def _rise(self, sign: int, shift: float, d: float) -> Values | None:
         """What the function less the line is more at an outer place than at the inner one."""
-        outer, inner = self._at(shift, sign * d), self._at(shift)
+        outer, inner = self.at(shift, sign * d), self.at(shift)
         return None if outer is None or inner is None else outer - inner - self.slope * (sign * d)

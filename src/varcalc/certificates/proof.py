@@ -165,13 +165,14 @@ def _exact(solution: Solution) -> tuple[Solution, tuple[Hypothesis, ...]]:
 
 
 def _proved(solution: Solution, told: Told) -> Certificate:
-    """The certificate of a solution; by convexity alone where another proof fails, or tells little."""
+    """The certificate of a solution; by duality where another proof fails, tells little, or of slopes near alone."""
     found, reason = None, Unproved("")
     try:
         found = _proof(solution, told)
     except (Unproved, Undecided) as unproved:
         reason = unproved
-    if found is not None and found.width <= WIDE * abs(found.upper):
+    enough = 0.0 if found is None else WIDE * abs(found.upper)
+    if found is not None and found.width <= enough and found.scope is not Scope.WEAK:
         return found
     try:
         other = _by_convexity(solution, told)
@@ -179,11 +180,11 @@ def _proved(solution: Solution, told: Told) -> Certificate:
         if found is None:
             raise reason from None
         return found
-    return other if found is None or other.width < found.width else found
+    return other if found is None or other.width < max(found.width, enough) else found
 
 
 def _by_convexity(solution: Solution, told: Told) -> Certificate:
-    """The certificate of a convex functional by its dual."""
+    """The certificate of a functional by its dual."""
     told(BOUNDS)
     low, high, proved = by_convexity(solution)
     if solution.problem.maximise:

@@ -41,6 +41,8 @@ DEEP_FALL = 1e3
 """How far below its first size a functional has to fall."""
 DEEPENING = 1.5
 """Factor by which each doubling must deepen the fall: 2 for a linear one."""
+OVERFLOWING = 1e100
+"""What is summed from which on a value that is no number is one too large for a double."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,11 @@ def _along(form: Form, system: RitzSystem, start: np.ndarray, direction: np.ndar
     for k in range(DISTANCE_DOUBLINGS):
         distance = size * 2.0**k
         at = system.evaluate(start + distance * direction)
-        if not np.isfinite(at.value) or (moves and at.legendre * first.legendre < 0):
+        if not np.isfinite(at.value):
+            if rows and rows[-1][2] < OVERFLOWING:
+                return None  # L is not defined further on, as sqrt(1 - v^2) is not: nothing goes on there
+            break
+        if moves and at.legendre * first.legendre < 0:
             break  # where a curve changes Legendre's sign L is another functional beyond, as area is for y < 0
         rows.append((distance, at.value - first.value, at.scale))
     # the far end decides, near the start the functional may rise first; but not where round-off is all there is

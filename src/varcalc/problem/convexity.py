@@ -35,6 +35,15 @@ def proved_jointly_convex(problem: Functional) -> bool:
     return _proved(problem, problem.span, tuple(problem.parameters.values()))
 
 
+def end_cost_proved_convex(problem: Functional) -> bool:
+    """Whether what the ends cost is proved convex in where the curve meets them, or concave, as the functional is made.
+
+    Ends that cost nothing are.
+    """
+    shape = _shape_of_end_cost(problem, problem.span, [[*problem.parameters.values()], [None] * len(problem.unknowns)])
+    return shape is None or (shape.concave if problem.maximise else shape.convex)
+
+
 def proved_with_levels(problem: Functional, multipliers: Sequence[Any]) -> bool:
     """Whether an extremal is least because L, less each level times its one of the ``multipliers``, is proved convex.
 
