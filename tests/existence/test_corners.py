@@ -54,6 +54,35 @@ def test_a_corner_moves_to_where_erdmanns_conditions_hold(guess):
     assert [before, after] == pytest.approx([1, -1], abs=1e-6)
 
 
+@pytest.mark.parametrize(("load", "rise"), [(1 / 3, 0.1), (1.0, 0.05)])
+def test_a_corner_leads_past_a_well_in_between(load, rise):
+    """v^2 (v^2 - 1)^2 + load y: L_v = p grows with x, and at p = 0 the slope jumps from -1 to 1, past the well at 0."""
+
+    def well(v):
+        return v**2 * (v**2 - 1) ** 2
+
+    def momentum(v):
+        return 6 * v**5 - 8 * v**3 + 2 * v
+
+    def stiffness(v):
+        return 30 * v**4 - 24 * v**2 + 2
+
+    def sides(first):
+        last = brentq(lambda v: momentum(v) - first - load, 1, 4)
+        return (-brentq(lambda v: momentum(v) + first, 1, 4), -1), (1, last)
+
+    def missed(first):
+        return sum(quad(lambda v: v * stiffness(v), *side)[0] for side in sides(first)) / load - rise
+
+    first = brentq(missed, -load, 0)
+
+    def rate(v):
+        return (well(v) + (load + first - momentum(v)) * v) * stiffness(v) / load
+
+    solution = vc.solve(vc.Problem(lambda x, y, v: well(v) + load * y, vc.Fixed(0, 0), vc.Fixed(1, rise)))
+    assert solution.value == pytest.approx(sum(quad(rate, *side)[0] for side in sides(first)), abs=1e-11)
+
+
 def newtons_body(height):
     """Nose radius, end slope and drag (a cone of equal height has 1/(1 + height^2)); Newton's Principia, II, 34.
 

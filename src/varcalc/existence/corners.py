@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import casadi as ca
@@ -19,7 +20,7 @@ import numpy as np
 
 from varcalc.existence.directions import CurveOrSlope, polygonal
 from varcalc.existence.levelled_polygons import Alternating
-from varcalc.existence.relaxation import Relaxed, applies, relaxed
+from varcalc.existence.relaxation import MIXED, Relaxed, applies, relaxed
 from varcalc.formulation import broken_form, formulate
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import on_curve
@@ -59,7 +60,9 @@ def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution
     reached = best is not None and sign * (best.value - fine.value) <= doubt
     if reached and best is not None:
         return best
-    if not fine.mixed.any() or _lowest_known(failure, best) * sign <= sign * fine.value + doubt:
+    # a piece that is mixed between others that are not holds a corner, which no finer polygon makes more of
+    alternating = any(last - first > 1 and fine.mixed[first] for first, last in _runs(fine))
+    if not alternating or _lowest_known(failure, best) * sign <= sign * fine.value + doubt:
         return failure
     message = (
         f"the infimum is not attained: finer and finer corners, alternating between two slopes on "
@@ -164,7 +167,10 @@ class _Teeth:
 
 
 def _sketches(problem: Problem, found: Relaxed) -> list[_Teeth]:
-    """The relaxed polygon with each run of mixed pieces as one tooth, either of its two slopes first."""
+    """The relaxed polygon with each run of mixed pieces as one tooth, either of its two slopes first.
+
+    A tooth narrower than a piece, unlike what is beside it, may be what is left of a corner there: one goes without.
+    """
     runs = _runs(found)
     sketches = []
     for swapped in (False, True):
@@ -180,7 +186,19 @@ def _sketches(problem: Problem, found: Relaxed) -> list[_Teeth]:
         sketches.append(_Teeth(np.array(x), np.array(slopes)))
     if np.array_equal(sketches[0].slopes, sketches[1].slopes):  # no run has two slopes
         sketches.pop()
+    sketches += [t for t in map(partial(_without_slivers, found), sketches[:1]) if len(t.x) < len(sketches[0].x)]
     return [teeth for teeth in sketches if 0 < len(_jumps(problem, found, teeth)) <= MOST_CORNERS]
+
+
+def _without_slivers(found: Relaxed, teeth: _Teeth) -> _Teeth:
+    """The polygon without sides that are shorter than a piece, and unlike both beside them."""
+    near = MIXED * np.abs(teeth.slopes).max()
+    apart = np.abs(np.diff(teeth.slopes)) > near
+    short = np.diff(teeth.x) < (1 - MIXED) * np.diff(found.x).min()
+    sliver = short & np.append(False, apart) & np.append(apart, False)
+    middles = 0.5 * (teeth.x[1:] + teeth.x[:-1])
+    starts = np.append(teeth.x[0], np.where(sliver[:-1], middles[:-1], teeth.x[1:-1]))
+    return _Teeth(np.append(starts[~sliver], teeth.x[-1]), teeth.slopes[~sliver])
 
 
 def _runs(found: Relaxed) -> list[tuple[int, int]]:

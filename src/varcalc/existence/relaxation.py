@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -45,6 +46,10 @@ PIECE_POINTS, POINTS_OVER_JUMPS = 3, 48
 FEASIBLE = 1e-8
 """How nearly conditions are kept by what keeps them."""
 IPOPT_ITERATIONS = 300
+CLOSER, CLOSER_SLOPES = 3, 17
+"""How often slopes are tried closer about the ends of chords, and how many."""
+ENVELOPES = 6
+"""How often slopes are taken anew from those at which the envelope touches L, while that leads on."""
 FACTORS = 2.0 ** np.arange(-6.0, 7.0)
 """Factors by which two slopes are drawn apart, or together."""
 
@@ -102,8 +107,15 @@ def relaxed(problem: Problem, pieces: int, near: Relaxed | None = None) -> Relax
         return None
     # of those that are alike the first: about the chord one pair of slopes alternates
     values = problem.sign * np.array([f.value for f in reached])
-    alike = values <= values.min() + SAME_VALUE * max(1.0, float(np.abs(values).max()))
-    return reached[int(np.argmax(alike))]
+    same = SAME_VALUE * max(1.0, float(np.abs(values).max()))
+    best = reached[int(np.argmax(values <= values.min() + same))]
+    # slopes stay in the wells they began in: on the same polygon those that the envelope touches may lead on
+    for _ in range(ENVELOPES):
+        lower = program.solved(program.between_touched(best.y))
+        if lower is None or not problem.sign * lower.value < problem.sign * best.value - same:
+            break
+        best = lower
+    return best
 
 
 class _RelaxedProgram:
@@ -200,13 +212,17 @@ class _RelaxedProgram:
 
     def starts(self) -> Iterator[np.ndarray]:
         """Starts on the chord and on least polygons: between the slopes of L's convex envelope, or on either side."""
-        middle = 0.5 * (self.x[1:] + self.x[:-1])
-        yield self._between_touched(self.line, np.full(self.pieces, self.x[self.pieces // 2]))
+        yield self.between_touched(self.line, np.full(self.pieces, self.x[self.pieces // 2]))
         chord = np.diff(self.line) / (np.diff(self.x) * self.steep)
+        middle = self.pieces // 2
+        chords = self._chords(self.x[middle], self.line[middle], float(chord[middle]))
+        if len(chords) > 1:  # of several wells a minimiser may use the outermost, whatever lies between
+            low, high = (np.full(self.pieces, end) for end in (chords[0][0], chords[-1][1]))
+            yield self._start(self.line, np.clip((high - chord) / (high - low), 0.0, 1.0), low, high)
         for spread in SPREADS:
             yield self._start(self.line, np.full(self.pieces, 0.5), chord - spread, chord + spread)
         for x, y in least_relaxed(self.problem, self.steep):
-            yield self._between_touched(np.interp(self.x, x, y), middle)
+            yield self.between_touched(np.interp(self.x, x, y))
 
     def beside(self, known: Relaxed) -> np.ndarray:
         """The start on another polygon."""
@@ -247,8 +263,12 @@ class _RelaxedProgram:
         low, high = np.concatenate(self._lower), np.concatenate(self._upper)
         return float(np.maximum(low - held, held - high).max(initial=0.0))
 
-    def _between_touched(self, y: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """The start whose slopes are those that the convex envelope touches L at, at one place for each piece."""
+    def between_touched(self, y: np.ndarray, places: np.ndarray | None = None) -> np.ndarray:
+        """The start on a polygon whose slopes are those that the convex envelope touches L at.
+
+        That is looked up at one place for each piece, in its middle unless others are given.
+        """
+        places = 0.5 * (self.x[1:] + self.x[:-1]) if places is None else places
         slopes = np.diff(y) / (np.diff(self.x) * self.steep)
         low, high = np.array(
             [self._touched(x, float(np.interp(x, self.x, y)), float(v)) for x, v in zip(places, slopes, strict=True)]
@@ -262,19 +282,30 @@ class _RelaxedProgram:
 
     def _touched(self, at: float, ordinate: float, slope: float) -> tuple[float, float]:
         """The slopes, in units of their own, at which the chord below L about one touches it; twice it where L does."""
-        tried = np.unique(np.concatenate([TRIED_SLOPES, slope + TRIED_SLOPES]))
+        for low, high in self._chords(at, ordinate, slope):
+            if low <= slope < high:
+                return low, high
+        return slope, slope
+
+    def _chords(self, at: float, ordinate: float, slope: float) -> list[tuple[float, float]]:
+        """The slopes, in units of their own, at which chords below L touch it at a place; looked for about one too."""
+        tried, values = self._finite(at, ordinate, np.unique(np.concatenate([TRIED_SLOPES, slope + TRIED_SLOPES])))
+        hull = _lower_hull(tried, values)
+        for _ in range(CLOSER):
+            # a chord ends at the bottom of a well, as near as it is known: L may lie below one that ends beside it
+            edges = {int(k) for pair in pairwise(hull) if pair[1] - pair[0] > 1 for k in pair}
+            ends = [(tried[max(k - 1, 0)], tried[min(k + 1, len(tried) - 1)]) for k in edges]
+            beside = [np.linspace(*pair, CLOSER_SLOPES) for pair in ends]
+            tried, values = self._finite(at, ordinate, np.unique(np.concatenate([tried, *beside])))
+            hull = _lower_hull(tried, values)
+        return [(float(tried[k]), float(tried[j])) for k, j in pairwise(hull) if j - k > 1]
+
+    def _finite(self, at: float, ordinate: float, tried: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes, in units of their own, at which L is finite at a place, and L there."""
         x, y = np.full(len(tried), at), np.full((1, len(tried)), ordinate)
         values = np.asarray(self._values(x[None], y, self.steep * tried[None], *self._columns(len(tried))))[0]
-        tried, values = tried[np.isfinite(values)], values[np.isfinite(values)]
-        hull: list[int] = []
-        for k in range(len(tried)):  # Andrew's monotone chain
-            while len(hull) > 1 and not _turns_up(tried, values, hull[-2], hull[-1], k):
-                hull.pop()
-            hull.append(k)
-        right = int(np.searchsorted(tried[hull], slope, side="right"))
-        if right in (0, len(hull)) or hull[right] - hull[right - 1] == 1:
-            return slope, slope
-        return float(tried[hull[right - 1]]), float(tried[hull[right]])
+        finite = np.isfinite(values)
+        return tried[finite], values[finite]
 
     def solved(self, guess: np.ndarray) -> Relaxed | None:
         """A minimum from a start."""
@@ -312,6 +343,16 @@ class _RelaxedProgram:
         sign = self.problem.sign
         value = sign * float(self._value(w))
         return Relaxed(value, self.x, y, np.array([one, other]) * self.steep, np.array([share, 1 - share]), prices)
+
+
+def _lower_hull(x: np.ndarray, y: np.ndarray) -> list[int]:
+    """The numbers of the points of a graph that its convex envelope touches (Andrew's monotone chain)."""
+    hull: list[int] = []
+    for k in range(len(x)):
+        while len(hull) > 1 and not _turns_up(x, y, hull[-2], hull[-1], k):
+            hull.pop()
+        hull.append(k)
+    return hull
 
 
 def _turns_up(x: np.ndarray, y: np.ndarray, first: int, middle: int, last: int) -> bool:
