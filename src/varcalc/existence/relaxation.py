@@ -31,8 +31,10 @@ from varcalc.symbolic.tracing import Expression
 
 SPREADS = (0.3, 1.0, 3.0)
 """Half distances of the two slopes at the start, in units of the problem's slope."""
+FAR_WELLS = 8.0
+"""Slopes of wells, in units of the chord's, from which on they are the unit."""
 TRIED_SLOPES = np.concatenate([-(2.0 ** np.arange(7, -11, -0.25)), [0.0], 2.0 ** np.arange(-10, 7.25, 0.25)])
-"""Slopes between which a chord is sought below L, in units of the problem's slope, about 0 and about the chord."""
+"""Slopes between which a chord is sought below L: in units of the problem's slope and of 1, about 0 and the chord."""
 SAME_VALUE = 1e-8
 """Difference of two values, relative to the larger or 1, that IPOPT makes."""
 ROUNDED_OFF = 1e-3
@@ -136,6 +138,14 @@ class _RelaxedProgram:
         self.height = self.height if self.height > 1e-12 * (b - a) else b - a
         rise = float(np.ptp(self.line))
         self.steep = (rise if rise > LEVEL * self.height else self.height) / (b - a)
+        self._values = ca.Function("values", problem.symbols.all, [self._integrands(problem.integrand)])
+        middle = pieces // 2
+        slope = float(np.diff(self.line)[middle] / np.diff(self.x)[middle]) / self.steep
+        chords = self._chords(self.x[middle], self.line[middle], slope)
+        farthest = max((abs(end) for chord in chords for end in chord), default=0.0)
+        if farthest > FAR_WELLS:  # between ends that are all but level the slopes of wells are the measure
+            self.steep *= farthest
+            self.height = max(self.height, self.steep * (b - a))
         self._state()
 
     def _state(self) -> None:
@@ -147,7 +157,6 @@ class _RelaxedProgram:
         places = np.flatnonzero(self.free)
         for i, k in enumerate(places):
             placed[int(k)] = inner[i] * self.height
-        self._values = ca.Function("values", self.problem.symbols.all, [self._integrands(self.problem.integrand)])
         steep = [v * self.steep for v in slopes]
         totals = self._totals(self._values, placed, share, steep)
         cost, added = end_cost(self.problem), ca.MX(0)
@@ -289,7 +298,9 @@ class _RelaxedProgram:
 
     def _chords(self, at: float, ordinate: float, slope: float) -> list[tuple[float, float]]:
         """The slopes, in units of their own, at which chords below L touch it at a place; looked for about one too."""
-        tried, values = self._finite(at, ordinate, np.unique(np.concatenate([TRIED_SLOPES, slope + TRIED_SLOPES])))
+        measures = [TRIED_SLOPES, TRIED_SLOPES / self.steep]
+        tried = np.unique(np.concatenate([*measures, *(slope + row for row in measures)]))
+        tried, values = self._finite(at, ordinate, tried)
         hull = _lower_hull(tried, values)
         for _ in range(CLOSER):
             # a chord ends at the bottom of a well, as near as it is known: L may lie below one that ends beside it
@@ -325,12 +336,14 @@ class _RelaxedProgram:
         low[len(start) : len(start) + count], high[len(start) : len(start) + count] = 0.0, 1.0
         levels = {"lbg": np.concatenate(self._lower), "ubg": np.concatenate(self._upper)}
         result = solver(x0=guess, lbx=low, ubx=high, **levels)
+        # a share a little below nothing, of a slope far away, makes a value of any size
+        found = np.clip(np.asarray(result["x"]).ravel(), low, high)
         # what keeps the conditions is an upper bound, whether or not IPOPT calls it a minimum
-        if not (self.misses(np.asarray(result["x"]).ravel()) <= FEASIBLE and np.isfinite(float(result["f"]))):
+        if not (self.misses(found) <= FEASIBLE and np.isfinite(float(self._value(found)))):
             return None
         rows = np.asarray(result["lam_g"]).ravel()
         levels = len(list(self.problem.of_type(Isoperimetric)))
-        return self.read(np.asarray(result["x"]).ravel(), rows[self.pieces : self.pieces + levels] * (size or 1.0))
+        return self.read(found, rows[self.pieces : self.pieces + levels] * (size or 1.0))
 
     def read(self, w: np.ndarray, prices: np.ndarray | None = None) -> Relaxed:
         """What numbers stand for; levels of no known price have none."""
