@@ -19,7 +19,7 @@ from varcalc.optics.media.medium import Field
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.watch import MOST_SEARCHED, MOST_SEARCHED_TOGETHER, NOT_FOLLOWED, Watch, searching
 from varcalc.optics.propagation.sequential import Noted, Propagator, UnderWay
-from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, packed, stride, unpacked
+from varcalc.optics.rays.beam import NOTHING, Beam, RayStatus, Rows, launched, packed, stride, unpacked
 from varcalc.progress import Stage
 
 FIRST_ANGLES = 64
@@ -50,6 +50,8 @@ MOST_CLOSER = 40
 """Halvings of the interval between two rays that a surface lets through, or turns back."""
 MOST_FOLLOWED = 20
 """The same where rays are followed past surfaces: they pass crests one after the other, and the next is not near."""
+JUMPING = 4
+"""After so many halvings what the middle is off tells jumps, where rays begin or cease to turn back to a surface."""
 MOST_DOUBTFUL = 4096
 """Of these intervals at once, for each source; where there are more, they are given up and counted."""
 NOT_ENTERED = -2.0
@@ -242,7 +244,8 @@ class Fan:
         beam, rays = self._entered(source, angles, noted=True, followed=followed)
         entry = _states(beam)
         assert rays.noted is not None
-        ended = NOT_ENTERED - rays.status * (len(self.propagator.surfaces) + 1) - rays.met
+        way = rays.status * (len(self.propagator.surfaces) + 1) + rays.met
+        ended = NOT_ENTERED - way * (len(self.propagator.geometries) + 1) - (rays.struck - NOTHING)
         course = np.where(np.isfinite(entry[:, PATH]), self._course(source, entry), ended)
         lost = ~np.isfinite(course)
         if np.any(lost):
@@ -301,7 +304,8 @@ class Fan:
             alike[left.same_way(middle)] = True
             found.append(middle.take(np.flatnonzero(~alike | coarse)))
             closely = halving < MOST_FOLLOWED or all(self.propagator.told_at_once)
-            again = np.flatnonzero(alike & (coarse | middle.doubtful(left, right, closely=closely)))
+            doubtful = middle.doubtful(left, right, closely=closely, jumping=halving >= JUMPING)
+            again = np.flatnonzero(alike & (coarse | doubtful))
             left, middle, right = left.take(again), middle.take(again), right.take(again)
             left, right = _FanRays.joined([left, middle]), _FanRays.joined([middle, right])
         return _FanRays.joined(found)
@@ -521,10 +525,11 @@ class _FanRays(Rows):
         alike = np.all((np.isfinite(own) == np.isfinite(others)) & ((own > 0) == (others > 0)), axis=1)
         return np.flatnonzero(alike & (np.minimum(self.course, -1.0) == np.minimum(other.course, -1.0)))
 
-    def doubtful(self, left: _FanRays, right: _FanRays, *, closely: bool) -> np.ndarray:
+    def doubtful(self, left: _FanRays, right: _FanRays, *, closely: bool, jumping: bool) -> np.ndarray:
         """Where (m,) a surface may do otherwise to rays between ``left`` and ``right``; these are the middle ones.
 
-        How ``closely`` rays pass surfaces counts if it is wanted.
+        How ``closely`` rays pass surfaces counts if it is wanted. If what they tell may be ``jumping``, what is off by
+        more than the slopes can make up for has nothing to do with edges unless these lead to one.
         """
         third = (right.angles - left.angles)[:, None, None] / 3
         told = slice(None if closely else 1)
@@ -540,8 +545,10 @@ class _FanRays(Rows):
         with np.errstate(invalid="ignore"):
             parting = (points.min(axis=0) <= 0) & (points.max(axis=0) >= 0)
             near = np.abs(np.append(points, middle[None], axis=0)).min(axis=0) <= SURELY * off
+            reach = 3 * SURELY * third * np.abs([rise, rate, fall])
+            jump = jumping & (off > reach.max(axis=0)) & np.all(np.abs([low, middle, high]) > reach, axis=0)
             # of two on either side of an edge it is known that something is between
-            return np.any((parting | near) & (low * high > 0), axis=(1, 2))
+            return np.any((parting | near) & (low * high > 0) & ~jump, axis=(1, 2))
 
     def coarse(self, left: _FanRays, right: _FanRays) -> np.ndarray:
         """Where (m,) rays between ``left`` and ``right`` leave a surface too far apart for a cell, or unforeseen.

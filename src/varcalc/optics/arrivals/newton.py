@@ -18,6 +18,8 @@ ANGLE_ROUND_OFF = 4 * float(np.spacing(2 * np.pi))
 """Launching angles are known no better."""
 KNOWN = 1e-8
 """Of the scene: where round-off of the angle makes more, as of rays that graze a surface, nobody says where they go."""
+KNOWN_ALIKE, ALIKE = 1e-6, 0.1
+"""The same where rays on either side spread alike, to that share: what meets the point is between two angles."""
 TOUCHES_CAUSTIC = 4e-14
 """A caustic that comes this close to the point touches it: the ray where it does is polished by no more than that."""
 NEWTON_STEPS = 16
@@ -159,9 +161,27 @@ def met(fan: Fan, aims: Aims) -> tuple[ClosestApproach, np.ndarray]:
         look = _either(there, new, look)
         left = np.flatnonzero(~finished)
         look, best, begun, share = look.take(left), best.take(left), begun[left], np.where(there, 1.0, share / 4)[left]
-    looks = [*done, best]
-    lost = np.concatenate([one.aims.pair[~one.met] for one in looks])
-    return ClosestApproach.joined([one.take(np.flatnonzero(one.met)).meeting() for one in looks]), lost
+    looks = _Look.joined([*done, best])
+    there = looks.met
+    there[~there] = _between_angles(fan, looks.take(np.flatnonzero(~there)))
+    return looks.take(np.flatnonzero(there)).meeting(), looks.aims.pair[~there]
+
+
+def _between_angles(fan: Fan, looks: _Look) -> np.ndarray:
+    """True (k,) where targets lie between rays as close as angles are told, which spread alike.
+
+    Small mirrors one after the other spread rays so much that none of these angles meets a point as closely as
+    elsewhere. Beside grazing incidence they spread otherwise from each angle to the next.
+    """
+    between = looks.distance <= KNOWN_ALIKE * looks.aims.size
+    rows = np.flatnonzero(between)
+    if len(rows):
+        some = looks.take(rows)
+        before, after = (_look(fan, some.stepped(np.full(len(rows), sign * ANGLE_ROUND_OFF))) for sign in (-1, 1))
+        with np.errstate(all="ignore"):
+            alike = [np.abs(side.spread / some.spread - 1) <= ALIKE for side in (before, after)]
+            between[rows] = (before.miss * after.miss < 0) & alike[0] & alike[1]
+    return between
 
 
 def _either(first: np.ndarray, one: _Look, other: _Look) -> _Look:

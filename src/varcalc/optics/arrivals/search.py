@@ -13,6 +13,7 @@ import numpy as np
 from varcalc.numerics.roots import EPSILON
 from varcalc.optics.arrivals.fan import Fan, FanReach
 from varcalc.optics.arrivals.narrow import NarrowSearch
+from varcalc.optics.arrivals.newton import ANGLE_ROUND_OFF, KNOWN_ALIKE
 from varcalc.optics.arrivals.sections import PlaneSection
 from varcalc.optics.arrivals.space import SpaceSearch
 from varcalc.optics.arrivals.space_fan import SpaceFan, SpaceReach
@@ -190,7 +191,9 @@ class TwoPoint:
         with np.errstate(divide="ignore"):
             squared = np.where(flat, 0.0, np.sum(away**2, axis=1) * index**2 / spread)  # the path is stationary
         error = np.abs(along) + squared + 16 * EPSILON * path
-        miss = np.linalg.norm(away, axis=1) / np.linalg.norm(ends.targets - ends.sources, axis=1)
+        apart = np.linalg.norm(ends.targets - ends.sources, axis=1)
+        known = np.fmin(ANGLE_ROUND_OFF * spread ** (1 / (d - 1)), KNOWN_ALIKE * apart)  # no better are headings told
+        miss = np.maximum(np.linalg.norm(away, axis=1) - known, 0.0) / apart
         name, rays = self.full.name, []
         for k in range(len(beam)):
             if not clear[k]:

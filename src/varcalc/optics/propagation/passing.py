@@ -17,75 +17,111 @@ from varcalc.optics.media.medium import Field
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.model import Carrier
 from varcalc.optics.models.straight import StraightRays
-from varcalc.optics.rays.beam import Beam, Rows, moved_on, stride
+from varcalc.optics.rays.beam import Beam, Rows, moved_on, paced
 from varcalc.optics.surfaces import Geometry
 
 STEP_SHARE = 0.25
 """How far a ray goes in one step: of the distance of the farthest surface from its start; beyond that, farther."""
 MOST_STEPS_PAST = 200
 """Steps of one ray."""
+ALL_THE_WAY = 1e-6
+"""Of an optical path: a ray so close to its end has come there."""
 PARTS_OF_STEP, PARTS_OF_STEP_ELSE = 1, 4
 """Parts of a step in which the level of a conic may be least, and of other surfaces, which bend on their own."""
 CLOSE = 0.02
 """Of the way from the start: rays that pass so closely are carried to where they do by their model."""
 LEAST_WITHIN = 1e-6
 """Of a step: so well is it told where on it the level is least, which changes the level by the square of it."""
-PASSES = 2
-"""What is told of each surface: how closely rays pass it before they meet it, and how far they go through."""
+PASSES = 3
+"""What is told of each surface: how close rays come at first, how far they go through, how close they come later."""
+AT_FIRST, THROUGH, LATER = range(PASSES)
 
 
 def passing(
-    model: Carrier, field: Field, surfaces: Sequence[Geometry], beam: Beam, limit: np.ndarray, leaving: int
+    model: Carrier,
+    field: Field,
+    surfaces: Sequence[Geometry],
+    beam: Beam,
+    leaving: int,
+    limit: np.ndarray,
+    met: Encounter,
 ) -> np.ndarray:
     """By how much rays of the plane pass the surfaces (m, surfaces, PASSES, 2), and its derivative by launching angles.
 
-    In units of the level, seen from the side of the rays, up to the optical path ``limit`` (m,): the least positive one
-    before they go through, and the least on the other side, for rays that go on as if there were no surface. One number
-    tells both of straight rays. Not numbers where there is none, for straight rays and levels that are no polynomials
-    of second degree, and in media whose rays are known in closed form. ``leaving`` is the surface all start from.
+    In units of the level, seen from the side of the rays, up to the optical path ``limit`` (m,): where it is least for
+    the first time, and the least later on, before they go through, and the least on the other side, for rays that go
+    on as if there were no surface. One number tells all of straight rays. Not numbers where there is none, for straight
+    rays and levels that are no polynomials of second degree, and in media whose rays are known in closed form.
+    ``leaving`` is the surface all start from.
+
+    Of rays that are followed only that is told which may let others through between two: of those that come to the
+    surface which stands next in the scene, how they pass all on their way there, of others how they pass that one, and
+    what they have ``met`` instead.
     """
     out = np.full((len(beam), len(surfaces), PASSES, 2), np.nan)
     if isinstance(model, StraightRays):
         for number, geometry in enumerate(surfaces):
             if geometry.quadric and number != leaving:
-                out[:, number, 0] = _least_of_quadratic(beam, geometry)
+                out[:, number, AT_FIRST] = _least_of_quadratic(beam, geometry)
     elif isinstance(model, HamiltonRays) and surfaces and len(beam):
-        past = _Followed.begun(field, surfaces, beam, leaving)
-        past.go(limit)
+        past = _Followed.begun(field, surfaces, beam, leaving, met)
+        past.go(np.where(met.comes, met.path, limit))
         past.carry_close(model, beam)
         return past.told
     return out
+
+
+@dataclass(frozen=True)
+class Encounter:
+    """What m rays come to first: the number of a surface (m,), negative for none, and the optical path (m,) there.
+
+    The surface that stands next in the scene has the number ``following``.
+    """
+
+    number: np.ndarray
+    path: np.ndarray
+    following: int
+
+    @property
+    def comes(self) -> np.ndarray:
+        """True (m,) for rays that come to the surface which stands next."""
+        return self.number == self.following
+
+    def asked(self, surfaces: int) -> np.ndarray:
+        """For each ray and pass, how it passes which surfaces is to be told: true (m, surfaces, PASSES)."""
+        every = np.arange(surfaces)
+        before = self.comes[:, None] | (every == self.following)
+        return np.stack([before, ~self.comes[:, None] & (every == self.number[:, None]), before], axis=2)
 
 
 @dataclass
 class _Followed:
     """m rays followed step by step past n ``surfaces``, from the ``side`` (m, n) of each on which they are.
 
-    What is ``told`` (m, n, PASSES, 2) is so ``after`` as much σ and optical path (m, n, PASSES, 2).
-    Those ``inside`` (m, n) have gone through a surface and are not as far behind it as they come.
+    What is ``told`` (m, n, PASSES, 2) where it is ``asked`` (m, n, PASSES), is so ``after`` as much σ and at the
+    optical path (m, n, PASSES, 2). Those ``inside`` (m, n) have gone through a surface and are not as far behind it as
+    they come.
     """
 
     field: Field
     surfaces: Sequence[Geometry]
     steps: _Steps
     side: np.ndarray
+    asked: np.ndarray
     told: np.ndarray
     after: np.ndarray
     inside: np.ndarray
 
     @classmethod
-    def begun(cls, field: Field, surfaces: Sequence[Geometry], beam: Beam, leaving: int) -> _Followed:
+    def begun(cls, field: Field, surfaces: Sequence[Geometry], beam: Beam, leaving: int, met: Encounter) -> _Followed:
         """The rays of ``beam``, on the surface that they are ``leaving``."""
-        steps = _Steps.begun(field, beam)
         m, n = len(beam), len(surfaces)
         told, side = np.full((m, n, PASSES, 2), np.nan), np.empty((m, n))
         for k, geometry in enumerate(surfaces):
             level, slope, _ = geometry.along(beam.position, beam.momentum)
             side[:, k] = np.where((slope if k == leaving else level) < 0, -1.0, 1.0)
-            if k != leaving:
-                rate = np.sum(geometry.gradient(beam.position) * beam.moved[:, 0], axis=1)
-                told[:, k, 0] = side[:, [k]] * np.stack([level, rate], axis=1)
-        return cls(field, surfaces, steps, side, told, np.zeros_like(told), np.zeros((m, n), dtype=bool))
+        nowhere = np.zeros((m, n), dtype=bool)
+        return cls(field, surfaces, _Steps.begun(field, beam), side, met.asked(n), told, np.zeros_like(told), nowhere)
 
     def go(self, limit: np.ndarray) -> None:
         """Follow the rays until they have gone through a surface, or to the optical path ``limit`` (m,)."""
@@ -93,13 +129,12 @@ class _Followed:
         with np.errstate(all="ignore"):
             scene = np.fmax.reduce([geometry.distance(start) for geometry in self.surfaces])
             for _ in range(MOST_STEPS_PAST):
-                away = np.linalg.norm(steps.place[:, :2] - start[rows], axis=1)
-                now = _NystromStep.of(self.field, steps, STEP_SHARE * scene[rows] + np.fmax(away - scene[rows], 0.0))
-                through = np.zeros(len(rows), dtype=bool)
-                for quadric in (True, False):
-                    through |= self._looked(now, rows, quadric=quadric)
+                away, scale = np.linalg.norm(steps.place[:, :2] - start[rows], axis=1), scene[rows]
+                left = (limit[rows] - steps.path) / np.linalg.norm(steps.speed[:, :2], axis=1)
+                length = np.fmin(STEP_SHARE * scale + np.fmax(away - scale, 0.0), left)
+                now = _NystromStep.of(self.field, steps, length)
+                going = ~self._looked(now, rows) & (now.end.path < (1 - ALL_THE_WAY) * limit[rows]) & (now.size > 0)
                 steps = now.end
-                going = ~through & (steps.path < limit[rows]) & (now.size > 0)
                 going &= np.all(np.isfinite(steps.place), axis=1)
                 if not np.all(going):
                     self._ended(rows[~going], steps.take(np.flatnonzero(~going)))
@@ -107,26 +142,24 @@ class _Followed:
                 if len(rows) == 0:
                     break
 
-    def _looked(self, now: _NystromStep, rows: np.ndarray, *, quadric: bool) -> np.ndarray:
-        """Take in where levels of one kind are least on a step; True (k,) for rays that have gone through a surface."""
-        through, some = np.zeros(len(rows), dtype=bool), [one for one in self.surfaces if one.quadric == quadric]
-        if not some:
-            return through
-        looks = PARTS_OF_STEP if quadric else PARTS_OF_STEP_ELSE
-        shares = np.linspace(0.0, 1.0, looks + 1)
-        places, momenta, *_ = (part.reshape(-1, 2) for part in now.at(np.broadcast_to(shares, (len(rows), looks + 1))))
+    def _looked(self, now: _NystromStep, rows: np.ndarray) -> np.ndarray:
+        """Take in where levels are least on a step; True (k,) for rays that have gone through a surface."""
+        through = np.zeros(len(rows), dtype=bool)
         for number, geometry in enumerate(self.surfaces):
-            if geometry.quadric != quadric:
+            some = np.flatnonzero(self.asked[rows, number].any(axis=1))
+            if len(some) == 0:
                 continue
-            side, inside = self.side[rows, number], self.inside[rows, number]
-            level, slope, _ = (values.reshape(-1, looks + 1) for values in geometry.along(places, momenta))
-            level, slope = side[:, None] * level, side[:, None] * slope
+            shares, places, momenta = now.looks(PARTS_OF_STEP if geometry.quadric else PARTS_OF_STEP_ELSE)
+            own, step = rows[some], (places[some].reshape(-1, 2), momenta[some].reshape(-1, 2))
+            side = self.side[own, [number]][:, None]
+            level, slope, _ = (side * values.reshape(-1, len(shares)) for values in geometry.along(*step))
             turns = (slope[:, :-1] < 0) & (slope[:, 1:] >= 0)
             for j in np.flatnonzero(turns.any(axis=0)):
-                least = np.flatnonzero(turns[:, j] & ~through)
+                least = some[turns[:, j] & ~through[some]]
                 part = shares[j], shares[j + 1]
                 through[least] |= self._take_in(number, geometry, now.take(least), rows[least], part)
-            self.inside[rows, number] = (inside | (level[:, 1:] < 0).any(axis=1)) & ~through
+            within = self.inside[own, number] | (level[:, 1:] < 0).any(axis=1)
+            self.inside[own, number] = within & ~through[some]
         return through
 
     def _take_in(
@@ -147,9 +180,9 @@ class _Followed:
         level = side * geometry.level(position)
         rate = side * np.sum(geometry.gradient(position) * moved, axis=1)
         behind = level <= 0
-        before = self.told[rows, number, 0, 0]
-        some = behind | ~(before <= level)
-        own, slot = rows[some], behind[some].astype(int)
+        slot = np.where(behind, THROUGH, np.where(np.isnan(self.told[rows, number, AT_FIRST, 0]), AT_FIRST, LATER))
+        some = self.asked[rows, number, slot] & ~(self.told[rows, number, slot, 0] <= level)
+        own, slot = rows[some], slot[some]
         self.told[own, number, slot] = np.stack([level, rate], axis=1)[some]
         self.after[own, number, slot] = now.gone(u)[some]
         return behind
@@ -157,23 +190,27 @@ class _Followed:
     def _ended(self, rows: np.ndarray, steps: _Steps) -> None:
         """Of rays that end on the other side of a surface, this is how far they come there."""
         for k, geometry in enumerate(self.surfaces):
-            some = np.flatnonzero(self.inside[rows, k] & np.isnan(self.told[rows, k, 1, 0]))
+            some = np.flatnonzero(
+                self.inside[rows, k] & self.asked[rows, k, THROUGH] & np.isnan(self.told[rows, k, THROUGH, 0])
+            )
+            if len(some) == 0:
+                continue
             place, own = steps.place[some], rows[some]
             level = geometry.level(place[:, :2])
             rate = np.sum(geometry.gradient(place[:, :2]) * place[:, 2:], axis=1)
-            self.told[own, k, 1] = self.side[own, [k]][:, None] * np.stack([level, rate], axis=1)
+            self.told[own, k, THROUGH] = self.side[own, [k]][:, None] * np.stack([level, rate], axis=1)
 
     def carry_close(self, model: Carrier, beam: Beam) -> None:
         """Tell anew, by the model, of rays that pass a surface closely: the steps are right to a few digits only."""
         for k, geometry in enumerate(self.surfaces):
             for slot in range(PASSES):
                 with np.errstate(all="ignore"):
-                    scale = np.abs(self.told[:, k, slot, 0]) <= CLOSE * self.after[:, k, slot, 1]
+                    scale = np.abs(self.told[:, k, slot, 0]) <= CLOSE * (self.after[:, k, slot, 1] - beam.optical_path)
                 rows = np.flatnonzero(scale & (self.after[:, k, slot, 0] > 0))
                 if len(rows) == 0:
                     continue
-                some, (sigma, path) = beam.take(rows), self.after[rows, k, slot].T
-                there, side = model.onward(some, sigma, some.optical_path + path)[0], self.side[rows, k]
+                (sigma, path), side = self.after[rows, k, slot].T, self.side[rows, k]
+                there = model.onward(beam.take(rows), sigma, path)[0]
                 with np.errstate(all="ignore"):
                     level, slope, bend = geometry.along(there.position, there.momentum)
                     gradient = geometry.gradient(there.position)
@@ -188,12 +225,13 @@ class _Followed:
 class _Steps(Rows):
     """m rays between steps: ``place`` and ``speed`` (m, 4) by σ of each and its neighbour, ``pull`` (m, 4) that of it.
 
-    σ and the optical path (m,) count from the start.
+    So large is the Hessian matrix of n² that it ``bends`` (m,). σ (m,) counts from the start.
     """
 
     place: np.ndarray
     speed: np.ndarray
     pull: np.ndarray
+    bends: np.ndarray
     sigma: np.ndarray
     path: np.ndarray
 
@@ -202,7 +240,7 @@ class _Steps(Rows):
         place = np.concatenate([beam.position, beam.moved[:, 0]], axis=1)
         speed = np.concatenate([beam.momentum, beam.turned[:, 0]], axis=1)
         with np.errstate(all="ignore"):
-            return cls(place, speed, _pulled(field, place), np.zeros(len(beam)), np.zeros(len(beam)))
+            return cls(place, speed, *_pulled(field, place), np.zeros(len(beam)), beam.optical_path)
 
 
 @dataclass(frozen=True)
@@ -216,14 +254,21 @@ class _NystromStep(Rows):
     @classmethod
     def of(cls, field: Field, start: _Steps, length: np.ndarray) -> _NystromStep:
         """A step of Nyström's of fourth order (Hairer, Nørsett and Wanner, sect. II.14), no longer than ``length``."""
-        h = stride(start.place[:, :2], start.speed[:, :2], field, length)
+        h = paced(start.speed[:, :2], start.pull[:, :2], start.bends, length)
         y, v, k1, step = start.place, start.speed, start.pull, h[:, None]
-        k2 = _pulled(field, y + step / 2 * v + step**2 / 8 * k1)
-        k3 = _pulled(field, y + step * v + step**2 / 2 * k2)
+        k2, _ = _pulled(field, y + step / 2 * v + step**2 / 8 * k1)
+        k3, _ = _pulled(field, y + step * v + step**2 / 2 * k2)
         place, speed = y + step * (v + step / 6 * (k1 + 2 * k2)), v + step / 6 * (k1 + 4 * k2 + k3)
         grown = h * (np.sum(v[:, :2] ** 2, axis=1) + np.sum(speed[:, :2] ** 2, axis=1)) / 2
-        end = _Steps(place, speed, _pulled(field, place), start.sigma + h, start.path + grown)
+        end = _Steps(place, speed, *_pulled(field, place), start.sigma + h, start.path + grown)
         return cls(start, end, h)
+
+    def looks(self, parts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Shares (parts + 1,) of the step that cut it into so many ``parts``; places and momenta (m, parts + 1, 2)."""
+        shares, ends = np.linspace(0.0, 1.0, parts + 1), (self.start, self.end)
+        if parts == 1:
+            return shares, *(np.stack([getattr(e, of)[:, :2] for e in ends], axis=1) for of in ("place", "speed"))
+        return shares, *self.at(np.broadcast_to(shares, (len(self), parts + 1)))[:2]
 
     @cached_property
     def _terms(self) -> list[np.ndarray]:
@@ -248,7 +293,7 @@ class _NystromStep(Rows):
         return place[..., own], going / h, pull / h**2, place[..., 2:]
 
     def gone(self, u: np.ndarray) -> np.ndarray:
-        """σ and the optical path (m, 2) after the share ``u`` (m,) of the step, since the start."""
+        """σ since the start and the optical path (m, 2) after the share ``u`` (m,) of the step."""
         sigma, path = (
             low + u * (high - low)
             for low, high in ((self.start.sigma, self.end.sigma), (self.start.path, self.end.path))
@@ -256,10 +301,11 @@ class _NystromStep(Rows):
         return np.stack([sigma, path], axis=1)
 
 
-def _pulled(field: Field, place: np.ndarray) -> np.ndarray:
-    """What pulls rays (m, 2), and their neighbours beside them (m, 2), at places (m, 4)."""
+def _pulled(field: Field, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What pulls rays (m, 2) and their neighbours beside them (m, 2) at places (m, 4), and how much it bends (m,)."""
     _, gradient, hessian = field(place[:, :2])
-    return np.concatenate([gradient, np.einsum("mij,mj->mi", hessian, place[:, 2:])], axis=1) / 2
+    aside = (hessian @ place[:, 2:, None])[:, :, 0]
+    return np.concatenate([gradient, aside], axis=1) / 2, np.sqrt(np.sum(hessian**2, axis=(1, 2)))
 
 
 def _least_of_quadratic(beam: Beam, geometry: Geometry) -> np.ndarray:

@@ -22,7 +22,7 @@ from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.models.parabolas import Parabolas
 from varcalc.optics.models.straight import Straight
 from varcalc.optics.models.watch import UNWATCHED, Watch
-from varcalc.optics.propagation.passing import PASSES, passing
+from varcalc.optics.propagation.passing import PASSES, Encounter, passing
 from varcalc.optics.rays.beam import (
     AT_END,
     NOTHING,
@@ -221,17 +221,19 @@ class Propagator:
         for number in range(len(self.media) if media is None else media):
             rows, every = rays.rows, len(rays.rows) == len(rays.status)
             entry = rays.beam if every else rays.beam.take(rows)
-            model = self.models[number]
+            arrival = self._through(number, entry, limit[rows], rays.leaving[rows], watch)
+            expected = self.shapes[number] if number < len(self.shapes) else NOTHING
             if rays.noted is not None and (rays.followed or self.told_at_once[number]):
                 leaving = NOTHING if number == 0 else self.shapes[number - 1]
-                told = passing(model, self.fields[number], self.geometries, entry, limit[rows], leaving)
-                rays.noted.passing[rows, number] = told
-            arrival = self._through(number, entry, limit[rows], rays.leaving[rows], watch)
+                met = Encounter(arrival.struck, arrival.beam.optical_path, expected)
+                field, shapes = self.fields[number], self.geometries
+                rays.noted.passing[rows, number] = passing(
+                    self.models[number], field, shapes, entry, leaving, limit[rows], met
+                )
             if every:
                 rays.beam = arrival.beam
             else:
                 rays.beam.put(rows, arrival.beam)
-            expected = self.shapes[number] if number < len(self.shapes) else NOTHING
             strayed = (arrival.struck != NOTHING) & (arrival.struck != self.stop) & (arrival.struck != expected)
             strayed &= arrival.status == RayStatus.ARRIVED
             rays.struck[rows] = arrival.struck

@@ -192,16 +192,20 @@ SquaredIndex = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 def stride(position: np.ndarray, momentum: np.ndarray, field: SquaredIndex, length: np.ndarray) -> np.ndarray:
-    """σ (m,) over which the rays turn little and go no farther than about ``length`` (m,); zero where none is known.
+    """σ (m,) over which the rays turn little and go no farther than about ``length`` (m,); zero where none is known."""
+    _, gradient, hessian = field(position)
+    return paced(momentum, gradient / 2, np.linalg.norm(hessian, axis=(1, 2)), length)
+
+
+def paced(momentum: np.ndarray, pulls: np.ndarray, bends: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """The same of rays on which ∇n²/2 ``pulls`` (m, d), where the Hessian matrix of n² is as large as ``bends`` (m,).
 
     A ray whose momentum is all but spent turns quickly in space, not in momentum: there it is the pull that counts.
     """
-    _, gradient, hessian = field(position)
-    size, pull = np.linalg.norm(momentum, axis=1), np.linalg.norm(gradient, axis=1) / 2
+    size, pull = np.linalg.norm(momentum, axis=1), np.linalg.norm(pulls, axis=1)
     with np.errstate(all="ignore"):
         turning = STEP_TURN * np.fmax(size / pull, np.sqrt(length / pull))
-        bending = STEP_TURN * 2 / np.sqrt(np.linalg.norm(hessian, axis=(1, 2)))
-        step = np.fmin(np.fmin(turning, bending), length / size)
+        step = np.fmin(np.fmin(turning, STEP_TURN * 2 / np.sqrt(bends)), length / size)
     return np.where(np.isfinite(step), step, 0.0)
 
 
