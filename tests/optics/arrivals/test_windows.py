@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import casadi as ca
+import mpmath as mp
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -221,3 +222,81 @@ def test_rays_by_two_balls_in_a_medium_that_bends_them_are_found() -> None:
     mirrors = [optics.Sphere(tuple(middle), radius, mirror=True) for middle in middles]
     rays = optics.Scene(optics.Graded(lambda x, y: ca.sqrt(1 + 0.15 * y)), mirrors).rays(source, receiver)
     assert min(abs(np.arctan2(*ray.tangents[0][::-1]) - angle) for ray in rays) < 1e-9
+
+
+def test_the_ray_by_two_convex_mirrors_that_are_no_conics_is_found() -> None:
+    """The length is least in the points; within 1e-4 of the directions rays come to the second mirror."""
+    middles, sizes = np.array([[1.824, -1.1693], [-1.4029, 0.0512]]), (0.1674, 0.0358)
+    source, receiver = np.array([1.1342, 2.0505]), np.array([-0.4469, 2.7416])
+
+    def length(angles: np.ndarray) -> float:
+        ahead = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        far = np.array(sizes) / (ahead[:, 0] ** 4 + ahead[:, 1] ** 4 + 0.3 * np.prod(ahead, axis=1) ** 2) ** 0.25
+        points = np.vstack([source, middles + far[:, None] * ahead, receiver])
+        return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+    def mirror(middle: np.ndarray, size: float) -> optics.Implicit:
+        def level(x: ca.SX, y: ca.SX) -> ca.SX:
+            u, v = (x - middle[0]) / size, (y - middle[1]) / size
+            return size * (u**4 + v**4 + 0.3 * (u * v) ** 2 - 1) / 4
+
+        return optics.Implicit(level, mirror=True)
+
+    inward = source + receiver - 2 * middles
+    best = minimize(length, np.arctan2(inward[:, 1], inward[:, 0]), method="BFGS", options={"gtol": 1e-9})
+    mirrors = [mirror(middle, size) for middle, size in zip(middles, sizes, strict=True)]
+    [ray] = optics.Scene(optics.Uniform(1.0), mirrors).rays(source, receiver)
+    assert ray.optical_path == pytest.approx(best.fun, rel=1e-10)
+
+
+def test_rays_through_the_gap_between_two_balls_are_found() -> None:
+    """Neighbours are stopped by one of two balls each; through the gap of 0.002 rad one comes to a third behind them.
+
+    It comes back to both; the receiver is put on it.
+    """
+    rng = np.random.default_rng(6)
+    toward = rng.uniform(-0.2, 0.2)
+    ahead, up = np.array([np.cos(toward), np.sin(toward)]), np.array([-np.sin(toward), np.cos(toward)])
+    behind = (4.0 + rng.uniform(-0.5, 0.5)) * ahead + rng.uniform(-0.09, 0.09) * up
+    middles, place, momentum = [behind, 2 * ahead + 0.502 * up, 2 * ahead - 0.502 * up], np.zeros(2), ahead
+    for middle in middles:
+        off = place - middle
+        along = momentum @ off
+        place = place - (along + np.sqrt(along**2 - off @ off + 0.25)) * momentum
+        momentum = momentum - 8 * (momentum @ (place - middle)) * (place - middle)
+    mirrors = [optics.Sphere(tuple(middle), 0.5, mirror=True) for middle in middles]
+    rays = optics.Scene(optics.Uniform(1.0), mirrors).rays((0, 0), place + 0.3 * momentum)
+    assert min(np.linalg.norm(ray.tangents[0] - ahead) for ray in rays) < 1e-12
+
+
+def test_rays_that_small_balls_spread_too_much_for_any_angle_to_meet_a_point_are_found() -> None:
+    """Parabolas by two balls of 0.03 spread by 4e7: angles as close as numbers are told miss the point by 1e-8.
+
+    In 40 digits each of the eight has a root within round-off of its angle.
+    """
+    balls = (((1.7741300224422156, -0.5623158666337074), 0.0335), ((0.3651127409176471, -0.8226857552122873), 0.0377))
+    source, receiver, pull = (2.2160, -0.8152), (2.8391, -1.6529), mp.mpf("0.075")
+
+    def off(angle: mp.mpf) -> mp.mpf:
+        x, y = map(mp.mpf, source)
+        size = mp.sqrt(1 + 2 * pull * y)
+        p, q = size * mp.cos(angle), size * mp.sin(angle)
+        for middle, radius in ((middle, mp.mpf(radius)) for middle, radius in balls):
+            u, v = x - middle[0], y - middle[1]
+            terms = [pull**2 / 4, q * pull, p**2 + q**2 + v * pull, 2 * (u * p + v * q), u**2 + v**2 - radius**2]
+            roots = np.roots([float(term) for term in terms])
+            first = min(roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 1e-9)].real)
+            s = mp.findroot(lambda at, t=terms: t[4] + at * (t[3] + at * (t[2] + at * (t[1] + at * t[0]))), first)
+            x, y, q = x + p * s, y + q * s + pull * s**2 / 2, q + pull * s
+            u, v = (x - middle[0]) / radius, (y - middle[1]) / radius
+            p, q = p - 2 * (p * u + q * v) * u, q - 2 * (p * u + q * v) * v
+        s = (receiver[0] - x) / p
+        return y + q * s + pull * s**2 / 2 - receiver[1]
+
+    mirrors = [optics.Sphere(middle, radius, mirror=True) for middle, radius in balls]
+    rays = optics.Scene(optics.Graded(lambda x, y: ca.sqrt(1 + 0.15 * y)), mirrors).rays(source, receiver)
+    assert (len(rays), rays.unresolved) == (8, 0)
+    with mp.workdps(40):
+        for ray in rays:
+            angle = mp.atan2(*map(mp.mpf, ray.tangents[0][::-1]))
+            assert off(angle - mp.mpf(2e-15)) * off(angle + mp.mpf(2e-15)) < 0

@@ -1,7 +1,8 @@
 """How closely rays of the plane pass surfaces, which says whether one between two neighbours meets them.
 
-Straight rays pass planes and conics as polynomials of second degree tell. Rays that are integrated are followed step
-by step to where the level is least, and where that is close to zero they are carried there anew, by their model.
+Straight rays pass planes and conics as polynomials of second degree tell. Other surfaces, and rays that are integrated,
+are followed step by step to where the level is least, and where that is close to zero they are carried there anew, by
+their model.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ def passing(
 
     In units of the level, seen from the side of the rays, up to the optical path ``limit`` (m,): where it is least for
     the first time, and the least later on, before they go through, and the least on the other side, for rays that go
-    on as if there were no surface. One number tells all of straight rays. Not numbers where there is none, for straight
-    rays and levels that are no polynomials of second degree, and in media whose rays are known in closed form.
+    on as if there were no surface. One number tells all of straight rays, where all levels are of second degree. Not
+    numbers where there is none, and in media whose bent rays are known in closed form.
     ``leaving`` is the surface all start from.
 
     Of rays that are followed only that is told which may let others through between two: of those that come to the
@@ -59,16 +60,24 @@ def passing(
     what they have ``met`` instead.
     """
     out = np.full((len(beam), len(surfaces), PASSES, 2), np.nan)
-    if isinstance(model, StraightRays):
+    if followed_past(model, surfaces):
+        if len(beam):
+            past = _Followed.begun(field, surfaces, beam, leaving, met)
+            past.go(np.where(met.comes, met.path, limit))
+            past.carry_close(model, beam)
+            return past.told
+    elif isinstance(model, StraightRays):
         for number, geometry in enumerate(surfaces):
-            if geometry.quadric and number != leaving:
+            if number != leaving:
                 out[:, number, AT_FIRST] = _least_of_quadratic(beam, geometry)
-    elif isinstance(model, HamiltonRays) and surfaces and len(beam):
-        past = _Followed.begun(field, surfaces, beam, leaving, met)
-        past.go(np.where(met.comes, met.path, limit))
-        past.carry_close(model, beam)
-        return past.told
     return out
+
+
+def followed_past(model: Carrier, surfaces: Sequence[Geometry]) -> bool:
+    """Whether rays are followed past surfaces, since no formula tells how closely they pass these."""
+    if isinstance(model, StraightRays):
+        return not all(geometry.quadric for geometry in surfaces)
+    return isinstance(model, HamiltonRays) and bool(surfaces)
 
 
 @dataclass(frozen=True)

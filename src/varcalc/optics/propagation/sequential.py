@@ -22,7 +22,7 @@ from varcalc.optics.models.model import Carrier, DoesNotApply, Model
 from varcalc.optics.models.parabolas import Parabolas
 from varcalc.optics.models.straight import Straight
 from varcalc.optics.models.watch import UNWATCHED, Watch
-from varcalc.optics.propagation.passing import PASSES, Encounter, passing
+from varcalc.optics.propagation.passing import PASSES, Encounter, followed_past, passing
 from varcalc.optics.rays.beam import (
     AT_END,
     NOTHING,
@@ -202,8 +202,8 @@ class Propagator:
 
     @cached_property
     def told_at_once(self) -> list[bool]:
-        """In which media rays need not be followed past surfaces: a formula tells where they meet these."""
-        return [not isinstance(model, HamiltonRays) for model in self.models]
+        """In which media rays need not be followed past surfaces."""
+        return [not followed_past(model, self.geometries) for model in self.models]
 
     @property
     def name(self) -> str:
