@@ -274,10 +274,12 @@ class _NystromStep(Rows):
 
     def looks(self, parts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Shares (parts + 1,) of the step that cut it into so many ``parts``; places and momenta (m, parts + 1, 2)."""
-        shares, ends = np.linspace(0.0, 1.0, parts + 1), (self.start, self.end)
+        shares, first, last = np.linspace(0.0, 1.0, parts + 1), self.start, self.end
         if parts == 1:
-            return shares, *(np.stack([getattr(e, of)[:, :2] for e in ends], axis=1) for of in ("place", "speed"))
-        return shares, *self.at(np.broadcast_to(shares, (len(self), parts + 1)))[:2]
+            places = np.stack([first.place[:, :2], last.place[:, :2]], axis=1)
+            return shares, places, np.stack([first.speed[:, :2], last.speed[:, :2]], axis=1)
+        places, momenta, *_ = self.at(np.broadcast_to(shares, (len(self), parts + 1)))
+        return shares, places, momenta
 
     @cached_property
     def _terms(self) -> list[np.ndarray]:
