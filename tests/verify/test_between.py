@@ -208,3 +208,13 @@ def test_a_bound_is_kept_everywhere_by_an_answer_in_pieces():
     solution = vc.solve(problem)
     slopes = solution.dy(np.linspace(0, 2, 40_001))
     assert np.abs(slopes).max() <= most + 3e-7
+
+
+def test_what_varies_everywhere_is_refused_on_the_mesh_at_hand():
+    problem = vc.Problem(
+        lambda x, y, v: v**2 + ca.floor(ca.cos(v)) ** ca.fabs(y**-0.37), vc.Fixed(0, 0), vc.Fixed(1, 1e-9)
+    )
+    solution = vc.solve(problem, vc.Ritz(starts=1), tol=1e-6, throw=False)
+    assert not solution.status.ok
+    assert "varies faster than the points of the mesh can tell" in solution.message
+    assert len(solution.x) < 10_000

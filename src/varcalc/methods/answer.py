@@ -311,8 +311,10 @@ def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
     if len(knots):
         # beside a place at which dx/ds vanishes many s have the same x but for round-off, and the curve is steep
         at, _, speed, _ = lifted(extremal, knots)
-        for k in np.argsort(-np.abs(speed)):
-            s = np.where(x == at[k], knots[k], s)
+        slowest = np.lexsort((np.abs(speed), at))
+        places, first = np.unique(at[slowest], return_index=True)
+        which = np.minimum(np.searchsorted(places, x), len(places) - 1)
+        s = np.where(x == places[which], knots[slowest][first[which]], s)
     return s
 
 

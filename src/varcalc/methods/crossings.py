@@ -41,8 +41,12 @@ MOST_PLACED = 6
 """Switches of the place whose ordinates are looked for."""
 STEPS_ONTO_SWITCH, BESIDE_SWITCH = 8, 1e-9
 """Steps of Newton's method to one, and how near, in units of the ordinate and the interval, it comes to it."""
-CLOSER_LOOKS, PLACES_A_LOOK = 6, 129
-"""Looks that narrow crossings down, and places at each: to a part in 1e12 of an element."""
+HALVINGS = 42
+"""Times that the stretch in which a crossing was seen is halved: to a part in 1e12 of an element."""
+FEWEST_AT_ONCE, MOST_AT_ONCE = 3, 7
+"""Halvings made by one look at evenly spread places: few looks at few crossings, few places at many."""
+PLACES_A_LOOK = 2048
+"""Places at which all crossings together are looked at, about."""
 
 
 @dataclass(frozen=True)
@@ -222,8 +226,9 @@ def _placed(
 ) -> np.ndarray:
     """Where the argument meets each of the ``levels`` (m,), between abscissae (m,): looks at all of them at once."""
     each = np.arange(len(levels))
-    for _ in range(CLOSER_LOOKS):
-        x = np.linspace(low, high, PLACES_A_LOOK, axis=1)
+    at_once = min(max((PLACES_A_LOOK // len(levels)).bit_length() - 1, FEWEST_AT_ONCE), MOST_AT_ONCE)
+    for _ in range(-(-HALVINGS // at_once)):
+        x = np.linspace(low, high, 2**at_once + 1, axis=1)
         above = at(x.ravel()).reshape(x.shape) > levels[:, None]
         change = np.argmax(above[:, 1:] != above[:, :-1], axis=1)
         low, high = x[each, change], x[each, change + 1]

@@ -212,35 +212,27 @@ class Space:
     def _numbering(self) -> tuple[np.ndarray, int]:
         """Global number of each local function of each element (elements, degree + 1, n), and their count."""
         m, E, n = self.smoothness, self.elements, self.n
-        bubbles = self.degree + 1 - 2 * m
-        if not self.broken and not self.periodic:  # the common case, without a loop
-            stride = (m + bubbles) * n
-            starts = np.arange(E) * stride
-            local = np.concatenate([np.arange(m), np.arange(m) + m + bubbles, np.arange(bubbles) + m])
-            offsets = (local[:, None] * n + np.arange(n)).ravel()
-            numbers = (starts[:, None] + offsets).reshape(E, self.degree + 1, n)
-            return numbers, E * stride + m * n
+        bubbles, k = self.degree + 1 - 2 * m, self.break_order
+        broken = np.zeros(E + 1, dtype=bool)
+        broken[list(self.broken)] = True
+        # each element is followed by its right vertex, and that by the derivatives on the other side of a break
+        after = np.cumsum((m + bubbles) * n + (m - k) * n * broken[1:])
+        first = m * n + np.append(0, after[:-1])
+
+        def run(start: np.ndarray, length: int) -> np.ndarray:
+            return start[:, None, None] + np.arange(length * n).reshape(length, n)
+
         numbers = np.empty((E, self.degree + 1, n), dtype=int)
-        left: np.ndarray = np.arange(m * n).reshape(m, n)
-        count = m * n
-        first = left
-        for e in range(E):
-            numbers[e, :m] = left
-            numbers[e, 2 * m :] = count + np.arange(bubbles * n).reshape(bubbles, n)
-            count += bubbles * n
-            if self.periodic and e == E - 1:
-                numbers[e, m : 2 * m] = first
-                break
-            right: np.ndarray = count + np.arange(m * n).reshape(m, n)
-            count += m * n
-            numbers[e, m : 2 * m] = right
-            left = right
-            if e + 1 in self.broken:
-                k = self.break_order
-                left = right.copy()
-                left[k:] = count + np.arange((m - k) * n).reshape(m - k, n)
-                count += (m - k) * n
-        return numbers, count
+        numbers[:, 2 * m :] = run(first, bubbles)
+        numbers[:, m : 2 * m] = run(first + bubbles * n, m)
+        numbers[0, :m] = run(np.zeros(1, dtype=int), m)
+        numbers[1:, :m] = numbers[:-1, m : 2 * m]
+        behind = 1 + np.flatnonzero(broken[1:-1])
+        numbers[behind, k:m] = run(first[behind] - (m - k) * n, m - k)
+        if self.periodic:
+            numbers[-1, m : 2 * m] = numbers[0, :m]
+            return numbers, int(first[-1]) + bubbles * n
+        return numbers, m * n + int(after[-1])
 
     @property
     def numbers(self) -> np.ndarray:

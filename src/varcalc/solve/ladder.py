@@ -61,6 +61,8 @@ MOST_ELEMENTS = 1000
 """Elements on which an extremal is held: one that needs more is singular somewhere."""
 CLOSER_MESHES = 6
 """Times that a problem is solved anew on a mesh that sees what lay between the points of the one before."""
+MOST_MARKS = 10_000
+"""Elements for which no problem is solved anew: what asks for so many varies everywhere."""
 
 
 Told = Callable[[str], Any]
@@ -538,7 +540,8 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
     for _ in range(CLOSER_MESHES):
         if missed is None:
             return solution
-        if solution.extremal is None:  # a quadrature has no mesh to be made finer
+        # a quadrature has no mesh to be made finer
+        if solution.extremal is None or len(missed.marks) > MOST_MARKS:
             break
         again = _on_finer_mesh(method, form, solution, missed, tol)
         if not again.status.ok and not isinstance(method, Ritz) and balanced(solution, missed):
@@ -554,7 +557,7 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
             return solution  # nothing was there after all, and the first mesh has more digits
         solution, form = again, again.extremal.form
         missed = None if solution.verdict is not None else unseen(solution)
-    return _nothing_between(solution)
+    return _refused_for(missed, solution)
 
 
 def _agree(first: Solution, second: Solution) -> bool:
@@ -591,7 +594,11 @@ def _once_more(failure: Solution, method: Method, tol: float) -> Solution:
 
 def _nothing_between(solution: Solution) -> Solution:
     """The answer, refused where something lies between its points."""
-    if not solution.status.ok or (missed := unseen(solution)) is None:
+    return _refused_for(unseen(solution) if solution.status.ok else None, solution)
+
+
+def _refused_for(missed: Unseen | None, solution: Solution) -> Solution:
+    if missed is None or not solution.status.ok:
         return solution
     return replace(solution, status=Status.NOT_CONVERGED, message=missed.sentence)
 

@@ -26,8 +26,8 @@ from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.symbolic.shapes import shape
 from varcalc.symbolic.sides import ExpressionOnSide, Sides
 
-MOST_CROSSINGS = 20_000
-"""Kinks and jumps that one ray comes to."""
+MOST_CROSSINGS = 6_000
+"""Kinks and jumps that one ray comes to: behind each there may be a piece that is read anew, in some milliseconds."""
 AHEAD = 1e-12
 """Of the size of the scene: it is asked so far ahead on which side of its other switches a ray goes on."""
 TOLD_APART = 1e-7
