@@ -190,3 +190,16 @@ def test_a_bundle_of_which_some_rays_start_from_the_centre() -> None:
     np.testing.assert_allclose(ours.points, theirs.points, atol=1e-12)
     np.testing.assert_allclose(ours.directions, theirs.directions, atol=1e-12)
     np.testing.assert_allclose(ours.spreading, theirs.spreading, rtol=1e-11)
+
+
+@pytest.mark.parametrize("dark", [0.0, 0.3])
+def test_a_ray_ends_where_the_index_vanishes_with_its_slope(dark: float) -> None:
+    """Straight down in n = |y - dark| the optical path to y is ((1 - dark)² - (y - dark)²) / 2."""
+    scene = optics.Scene(optics.Stratified(lambda y: ca.fabs(y - dark)))
+    whole = (1 - dark) ** 2 / 2
+    short = scene.trace((0, 1), (0, -1), optical_path=0.9 * whole, model=MODEL)
+    np.testing.assert_allclose(short.points, [[0, dark + (1 - dark) * np.sqrt(0.1)]], atol=1e-13)
+    for path in (1.01 * whole, 4.0):
+        assert scene.trace((0, 1), (0, -1), optical_path=path, model=MODEL).status == [optics.RayStatus.SINGULAR]
+    up = scene.trace((0, 1), (0, 1), optical_path=4.0, model=MODEL)
+    np.testing.assert_allclose(up.points, [[0, dark + np.sqrt((1 - dark) ** 2 + 8)]], atol=1e-13)

@@ -9,7 +9,7 @@ ray: where it goes to and fro, whole periods are multiplied.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from threading import Lock
 
 import numpy as np
@@ -39,6 +39,8 @@ _ONE_AT_A_TIME = Lock()
 """Threads that need the same profile wait for the one that builds it."""
 AT_CENTRE = 1e-100
 """Of the largest radius, or of one unit: rays that start closer to the centre have no polar coordinates."""
+DARK_TURN, FLAT_TURN = 1e-12, 1e-5
+"""Of g at the start: g and p_h², and g' times the way there, zero at a turning point known to half the digits."""
 ON_AXIS = 4e-16
 """A normal with a smaller part along the layers is upright; a centre so close, relative to the radius, is the same."""
 
@@ -259,6 +261,7 @@ class _Run:
         standing, standing_tau = self._standing()
         below = bounds(profile, nodes, u0, squared, self.motions.C, levels.down, -1)
         above = bounds(profile, nodes, u0, squared, self.motions.C, levels.up, 1)
+        (below, dark_below), (above, dark_above) = self._dark(below), self._dark(above)
         targets = np.column_stack([standing_tau, self.path, self.sigma])
         end = Arrival(beam.take(np.arange(m)), np.full(m, NOTHING), np.full(m, int(RayStatus.ARRIVED)))
         left = np.ones(m, bool)
@@ -270,7 +273,8 @@ class _Run:
             struck = np.where(rising, levels.number_up[rows], levels.number_down[rows])
             walls = np.where(rising, levels.up[rows], -levels.down[rows])
             struck = np.where(np.isfinite(last) & (side.x == walls), struck, NOTHING)
-            edge = np.where(rising, nodes.high_edge, nodes.low_edge) & np.isfinite(last) & (struck == NOTHING)
+            ended = np.where(rising, nodes.high_edge | dark_above[rows], nodes.low_edge | dark_below[rows])
+            edge = ended & np.isfinite(last) & (struck == NOTHING)
             going = ~aimless | (struck != NOTHING)
             unheard = np.where(edge, int(RayStatus.SINGULAR), int(RayStatus.MISSED))
             end.status[rows] = unheard
@@ -278,6 +282,15 @@ class _Run:
             self._carry(part, rows[going], last[going], struck[going], standing, targets, end)
         others = np.flatnonzero(left | self._lose_digits(end))
         return end, others
+
+    def _dark(self, side: MotionBounds) -> tuple[MotionBounds, np.ndarray]:
+        """The bounds, and which (m,) are where n vanishes with its slope: rays end there and do not turn back."""
+        g, _ = self.profile.at(self.motions.u)
+        with np.errstate(all="ignore"):
+            there, slope = self.profile.at(self.motions.u + side.x)
+            level = np.fmax(there, self.motions.C) <= DARK_TURN * g
+            dark = side.turning & level & (np.abs(slope * side.x) <= FLAT_TURN * g)
+        return replace(side, turning=side.turning & ~dark), dark
 
     def _carry(
         self, way: CoordinateMotion, rows: np.ndarray, last: np.ndarray, struck: np.ndarray, standing: np.ndarray,
@@ -297,8 +310,11 @@ class _Run:
         what = np.where(there.ended, struck, np.where(by_plane, standing[rows], PATH_ENDED))
         end.struck[rows] = what
         lost = there.ended & (what == NOTHING)
-        end.status[rows] = np.where(lost, end.status[rows], int(RayStatus.ARRIVED))
-        end.status[rows[~there.resolved]] = int(RayStatus.TOO_MANY_STEPS)
+        unheard = end.status[rows]
+        end.status[rows] = np.where(lost, unheard, int(RayStatus.ARRIVED))
+        # on the way to where n vanishes with its slope τ has no end
+        endless = np.where(unheard == int(RayStatus.SINGULAR), unheard, int(RayStatus.TOO_MANY_STEPS))
+        end.status[rows] = np.where(there.resolved, end.status[rows], endless)
         sound = there.resolved & np.all(np.isfinite(carried.position), axis=1)
         end.beam.put(rows[sound], carried.take(np.flatnonzero(sound)))
 
