@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from varcalc.axes import measured
-from varcalc.spelling import spelled
+from varcalc.spelling import NoMember, spelled
 from varcalc.symbolic.tracing import name_of
 
 if TYPE_CHECKING:
@@ -54,6 +54,14 @@ class Brief:
 
     def __repr__(self) -> str:
         return _record(self)
+
+    if not TYPE_CHECKING:  # which knows what is there
+
+        def __getattr__(self, name: str) -> Any:
+            """No such name: the error says what was meant. What is there and failed fails once more, in its words."""
+            if hasattr(type(self), name):
+                return object.__getattribute__(self, name)
+            raise NoMember(type(self), name)
 
 
 class Shown(Brief):

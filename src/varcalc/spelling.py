@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from importlib import import_module
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 T = TypeVar("T", bound=Callable[..., Any])
@@ -22,6 +23,31 @@ HOMES = ("varcalc", "varcalc.optics", "varcalc.mechanics")
 """The modules whose names are public."""
 BEGINNING = 3
 """Letters that a name must share with a longer one to be taken for its short form."""
+MOST_OWNERS, MOST_LISTED = 4, 16
+"""Classes that are named as those whose method a name is; names of a class that are listed."""
+ALIKE = (
+    ("value", "cost", "fun", "functional", "objective", "minimum", "optimum", "j", "integral"),
+    ("optical_path", "length", "path_length", "distance", "value", "minimum"),
+    ("status", "arrived", "completed", "verdict", "success", "ok", "passed", "converged", "optimal"),
+    ("y", "along", "way", "points", "q", "point", "path", "curve", "trajectory", "position", "x"),
+    ("dy", "v", "directions", "tangents", "derivative", "slope", "velocity", "dq", "direction", "p"),
+    ("x", "interval", "span", "t", "time", "times"),
+    ("travel_time", "time", "t"),
+    ("trace", "motion", "solve", "minimise", "minimize", "simulate", "propagate", "trace_rays", "trace_all",
+     "integrate", "trajectory", "run"),
+    ("rays", "arrivals", "ray", "path", "paths"),
+    ("findings", "checks", "results", "tests"),
+    ("lagrange", "motion", "lagrangian", "action"),
+    ("Through", "waypoint", "point", "via"),
+    ("Isoperimetric", "integral", "constraint", "inequality"),
+    ("Problem", "functional"),
+    ("OnCurve", "boundary"),
+    ("Sphere", "circle", "disc", "lens"),
+    ("Plane", "line", "mirror"),
+    ("Stratified", "layered", "layers"),
+    ("Graded", "index"),
+)  # fmt: skip
+"""Words of which one may be written for another; what is there is looked for in this order."""
 
 
 def near(word: str, known: Iterable[str]) -> str:
@@ -42,6 +68,17 @@ def near(word: str, known: Iterable[str]) -> str:
     ]
     alike = [sought] if sought in folded else difflib.get_close_matches(sought, folded, 1, LIKENESS) or parts
     return f"; did you mean {folded[alike[0]]!r}?" if alike else ""
+
+
+def alike(word: str, known: Iterable[str]) -> str:
+    """The name among the ``known`` that another word is used for, singular or plural; empty where none is.
+
+    >>> alike("cost", ["error", "value"]), alike("paths", ["q", "y"]), alike("Circle", ["Plane", "Sphere"])
+    ('value', 'y', 'Sphere')
+    """
+    sought, there = word.casefold(), set(known) - {word}
+    groups = [group for group in ALIKE if {sought, sought.removesuffix("s")} & {name.casefold() for name in group}]
+    return next((name for group in groups for name in group if name in there), "")
 
 
 def _contrary(word: str, other: str) -> bool:
@@ -88,12 +125,67 @@ class NoAttribute(AttributeError):
 
     def __str__(self) -> str:
         module, name, known = self.args
-        # imported by name: what is below all others cannot import them, and nothing asks but a mistake
-        others = {home: import_module(home).__all__ for home in HOMES if home != module}
-        there = next((f"; it is {home}.{name}" for home, public in others.items() if name in public), "")
-        alike = ((near(name, public), home) for home, public in others.items())
-        meant = there or near(name, known) or next((f"{one[:-1]} of {home}?" for one, home in alike if one), "")
-        return f"module {module!r} has no attribute {name!r}{meant}"
+        return f"module {module!r} has no attribute {name!r}{_meant(module, name, known)}"
+
+
+def _meant(module: str, name: str, known: Sequence[str]) -> str:
+    """What somebody meant who looked for a ``name`` in a module."""
+    # imported by name: what is below all others cannot import them, and nothing asks but a mistake
+    homes = {home: import_module(home) for home in HOMES}
+    others = {home: found.__all__ for home, found in homes.items() if home != module}
+    there = next((f"; it is {home}.{name}" for home, public in others.items() if name in public), "")
+    classes = [vars(found).get(public) for found in homes.values() for public in found.__all__]
+    owners = [one.__name__ for one in classes if inspect.isclass(one) and inspect.isfunction(getattr(one, name, None))]
+    method = f"; it is a method of {' or '.join(owners[:MOST_OWNERS])}" if owners else ""
+    same = alike(name, known)
+    used = f"; did you mean {same!r}?" if same else ""
+    elsewhere = ((near(name, public), home) for home, public in others.items())
+    return (
+        there
+        or method
+        or used
+        or near(name, known)
+        or next((f"{one[:-1]} of {home}?" for one, home in elsewhere if one), "")
+        or f"; dir({module}) lists what it has"
+    )
+
+
+class NoMember(AttributeError):
+    """The error of an object of a class ``kind`` that has nothing called ``name``: what was meant, or what it has."""
+
+    def __init__(self, kind: type, name: str) -> None:
+        super().__init__(kind, name, name=name)
+
+    def __str__(self) -> str:
+        kind, name = self.args
+        known = [n for n in {*dir(kind), *getattr(kind, "__dataclass_fields__", ())} if not n.startswith("_")]
+        functions = [n for n in import_module(HOMES[0]).__all__ if n.islower()]
+        function = name if name in functions else alike(name, functions)
+        same = alike(name, known)
+        if same or not function:
+            names = f"has {listed(sorted(known))}" if len(known) <= MOST_LISTED else "has what dir(...) of it lists"
+            has = f"; it is a sequence, [0] its first, and {names}" if issubclass(kind, Sequence) else f"; it {names}"
+            meant = f"; did you mean {same!r}?" if same else near(name, known) or near(name, functions) or has
+        else:
+            meant = f"; it is a function: varcalc.{function}(...)"
+        return f"{kind.__name__} has no attribute {name!r}{meant}"
+
+
+class Uncalled(ModuleType):
+    """A module whose call is refused in a sentence: its name is that of a method, or near that of a class."""
+
+    def __call__(self, *_given: object, **_named: object) -> None:
+        """TypeError, with what was meant."""
+        home, _, name = self.__name__.rpartition(".")
+        known = [public for public in import_module(home).__all__ if public != name]
+        raise TypeError(f"{self.__name__} is a module, which cannot be called{_meant(home, name, known)}")
+
+
+def uncalled(home: str) -> None:
+    """Refuse calls of the modules of a package that are there: see :class:`Uncalled`."""
+    for found in list(vars(sys.modules[home]).values()):
+        if type(found) is ModuleType and found.__name__.startswith(f"{home}."):
+            found.__class__ = Uncalled
 
 
 def spelled(given: T) -> T:

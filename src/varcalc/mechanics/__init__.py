@@ -47,7 +47,7 @@ from varcalc.mechanics.stability.response import Response
 from varcalc.mechanics.symmetries import Symmetry
 from varcalc.mechanics.system import System
 from varcalc.problem.conditions import Holonomic
-from varcalc.spelling import NoAttribute
+from varcalc.spelling import NoAttribute, uncalled
 
 __all__ = [
     "Averaged",
@@ -125,3 +125,6 @@ __all__ = [
 def __getattr__(name: str) -> NoReturn:
     """No such name: the error suggests one that is near."""
     raise NoAttribute(__name__, name, __all__)
+
+
+uncalled(__name__)

@@ -40,7 +40,7 @@ from varcalc.optics.results.study import Seen, Study
 from varcalc.optics.results.wavefronts import Caustic, Wavefront, caustic, ray_tube, wavefront
 from varcalc.optics.scene import Scene
 from varcalc.optics.surfaces import Asphere, Conic, Implicit, Plane, Sphere, Surface
-from varcalc.spelling import NoAttribute
+from varcalc.spelling import NoAttribute, uncalled
 
 __all__ = [
     "GLASSES",
@@ -104,3 +104,6 @@ __all__ = [
 def __getattr__(name: str) -> NoReturn:
     """No such name: the error suggests one that is near."""
     raise NoAttribute(__name__, name, __all__)
+
+
+uncalled(__name__)

@@ -607,7 +607,7 @@ def parameters_of(end: Any) -> tuple[tuple[str, str, int], ...]:
     """The parameters among the coordinates of an end: name, field and component of each."""
     found = []
     for field in ("x", "y", "dy", "q"):
-        given: Any = getattr(end, field, None)
+        given: Any = vars(end).get(field)
         if given is None or type(given) in (float, int):
             continue
         entries: Iterable[Any] = given if is_vector(given) else (given,)
