@@ -44,6 +44,8 @@ return JSON.stringify({
   soft: Math.min(99, ...[...document.querySelectorAll("dt, caption, .kind")]
     .map((e) => contrast(getComputedStyle(e).color, ground))),
   overflow: document.documentElement.scrollWidth - window.innerWidth,
+  captions: Math.max(0, ...[...document.querySelectorAll("caption")]
+    .map((c) => c.getBoundingClientRect().right - window.innerWidth)),
   headings: [...document.querySelectorAll("h1, h2, h3, h4")].map((h) => Number(h.tagName[1])),
   formulas: [...document.querySelectorAll("math")]
     .map((m) => m.getBoundingClientRect().width > 4 && !m.querySelector("merror")),
@@ -82,6 +84,7 @@ def test_every_page_is_whole(browser, written, width, dark):
         assert min([p["words"] for p in found["pictures"]] + [found["body"], found["soft"]]) >= 4.5, path
         assert all(found["formulas"]), path
         assert found["overflow"] <= 0, f"{path} is wider than the screen"
+        assert found["captions"] <= 0, f"what a table of {path} is of ends beyond the screen"
         assert found["deadLinks"] == 0
         assert len(set(found["identifiers"])) == len(found["identifiers"]), "names within a page are its own"
         assert found["headings"][0] == 1
