@@ -149,3 +149,13 @@ def test_a_curve_that_does_not_move_stands_nowhere_upright(span):
     found = vc.solve(vc.Problem(lambda x, y, dy: dy + dy**2, *(vc.Fixed(x, 1) for x in span)))
     assert found.value == pytest.approx(0.0, abs=1e-15)
     assert found.y(sum(span) / 2) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_a_string_too_long_for_a_graph_is_told_to_be_a_curve():
+    """Of length 6 over a chord of 2 the arc that encloses most is more than a semicircle, of length π, and no graph."""
+    string = vc.Isoperimetric(lambda x, y, dy: ca.sqrt(1 + dy**2), 6)
+    problem = vc.Problem(lambda x, y, dy: y, vc.Fixed(-1, 0), vc.Fixed(1, 0), [string], maximise=True)
+    solution = vc.solve(problem, vc.Ritz(starts=1), throw=False)
+    assert not solution.status.ok
+    assert "no graph y(x)" in solution.message
+    assert "state the problem as a Curve" in solution.message

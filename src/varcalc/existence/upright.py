@@ -7,7 +7,7 @@ curves that come near it settles all the same; what does not settle is the curve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from varcalc.existence.approach import approached
 from varcalc.formulation import formulate
 from varcalc.formulation.height import height
+from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Status, no_answer, refused
@@ -30,6 +31,8 @@ STEEP = 30.0
 """Slope, in units of the curve's extent over the interval, from which a curve may be about to stand upright."""
 SLOPES = 1e4, 1e6
 """Slopes, in units of the curve's own steepest one, between which the growth of L is seen."""
+STEEP_FAILURE = 10.0
+"""The same of a curve at which a search was given up: it is told why that may be."""
 PLACES_FOR_EXTENT = 65
 LINEAR = 0.05
 """Relative difference from linear growth between them that the terms which do not grow may make."""
@@ -79,6 +82,25 @@ def upright(solution: Solution) -> Upright | None:
     ):
         return None
     return Upright(solution.error.curve / extent, float(at[0]), float(np.abs(slope).max()))
+
+
+def beyond_graphs(solution: Solution) -> Solution:
+    """A failure, told where its curve has grown steep under integral conditions: what is sought may be no graph."""
+    problem, curve = solution.problem, solution.curve
+    graph = isinstance(problem, Problem) and problem.order == 1 and any(problem.of_type(Isoperimetric))
+    if solution.status.ok or solution.verdict is not None or not graph or curve is None:
+        return solution
+    x = np.unique(solution.x)
+    with np.errstate(all="ignore"):
+        slopes = np.abs(curve(x, 1)).max(0)
+    steepest = int(np.argmax(np.nan_to_num(slopes)))
+    if not slopes[steepest] > STEEP_FAILURE * _extent(solution) / (x[-1] - x[0]):
+        return solution
+    return replace(
+        solution,
+        message=f"at x = {x[steepest]:.4g} the slope has grown to {slopes[steepest]:.3g}, and what is sought may be no "
+        f"graph y(x), but stand upright or turn back there: state the problem as a Curve ({solution.message})",
+    )
 
 
 def not_attained(problem: Functional, method: Any) -> Solution | None:

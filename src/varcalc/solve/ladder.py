@@ -19,7 +19,7 @@ from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, IN_NARROW, has_lattice, looked_around
 from varcalc.existence.polygons import Polygon
 from varcalc.existence.refraction import meets_switches, refracted, smooth_or_refused
-from varcalc.existence.upright import not_attained, upright
+from varcalc.existence.upright import beyond_graphs, not_attained, upright
 from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.methods.answer import in_coordinates_of
@@ -166,12 +166,12 @@ def _examined(
         solution = _nothing_between(_made_out(second_look(problem, tol, solution, smooth=smooth)))
     elif method is not None and smooth:  # what is broken, or rests, was held to what it meets
         solution = _made_out(solution)
-    if solution.status.ok:
-        told("other valleys")
-        # whoever gives a guess asks for the valley it lies in
-        followed = (method is None or isinstance(method, Ritz)) and guess is None
-        solution = looked_around(solution, partial(_polished, problem, tol), tol, followed=followed)
-    return solution
+    if not solution.status.ok:
+        return beyond_graphs(solution)
+    told("other valleys")
+    # whoever gives a guess asks for the valley it lies in
+    followed = (method is None or isinstance(method, Ritz)) and guess is None
+    return looked_around(solution, partial(_polished, problem, tol), tol, followed=followed)
 
 
 LADDER: tuple[Ritz, ...] = (Ritz(), Ritz(elements=24, starts=1))
