@@ -10,10 +10,9 @@ the coefficients of Y one after the other.
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
+from functools import partial, reduce
 from typing import Any
 
 import casadi as ca
@@ -24,6 +23,7 @@ from varcalc.symbolic.instructions import NAMES, interpret
 
 Expression = Any
 """A CasADi SX scalar."""
+Operation = Callable[[Expression, Expression | float], Expression]
 Term = Callable[[int], Expression]
 """The kth coefficient of a series, from those that are known when it is asked for."""
 PARALLEL = 2
@@ -32,20 +32,22 @@ PARALLEL = 2
 
 @dataclass(eq=False)
 class Series:
-    """A power series whose coefficients, the column ``known``, are found one after the other by ``term``."""
+    """A power series whose coefficients, those ``known``, are found one after the other by ``term``."""
 
     term: Term
-    known: Expression = field(default_factory=ca.SX)
+    known: list[Expression] = field(default_factory=list)
 
     def __getitem__(self, k: int) -> Expression:
-        return self.upto(k)[k]
+        while len(self.known) <= k:
+            self.known.append(self.term(len(self.known)))
+        return self.known[k]
 
-    def upto(self, k: int) -> Expression:
-        """The column of those that are known, the kth among them."""
-        while self.known.numel() <= k:
-            found = self.term(self.known.numel())
-            self.known = ca.vertcat(self.known, found)
-        return self.known
+
+# CasADi's own operators first try whether their operands are numbers or matrices of them, which takes eight times as
+# long as the operation; a system has thousands of them.
+_plus: Operation = partial(ca.SX.binary, ca.OP_ADD)
+_minus: Operation = partial(ca.SX.binary, ca.OP_SUB)
+_times: Operation = partial(ca.SX.binary, ca.OP_MUL)
 
 
 def solution_series(system: ca.Function, stops: ca.Function, order: int) -> tuple[list[Any], list[Any], Any, Any]:
@@ -62,7 +64,7 @@ def solution_series(system: ca.Function, stops: ca.Function, order: int) -> tupl
     for k in range(order + 1):  # in order, so that no recurrence goes deep
         for series in (*solution, *levels):
             series[k]
-    columns = [series.known for series in (*solution, *levels)]
+    columns = [ca.vertcat(*series.known) for series in (*solution, *levels)]
     return columns[: len(solution)], columns[len(solution) :], state, constants
 
 
@@ -94,30 +96,25 @@ def _apply(operation: int, operands: Sequence[Series]) -> Series:
 
 
 def _constant(value: Expression) -> Series:
-    return Series(lambda k: value if k == 0 else 0, ca.SX(value))
+    return Series(lambda _: ca.SX(0), [ca.SX(value)])
 
 
-def _convolved(
-    a: Series, b: Series, k: int, terms: range, weight: Callable[[np.ndarray], np.ndarray] | None = None
-) -> Expression:
+def _convolved(a: Series, b: Series, k: int, terms: range, weight: Callable[[int], float] | None = None) -> Expression:
     """The sum of a_j b_(k-j) over the ``terms`` j, each with its ``weight(j)``, as several running sums."""
     if not terms:
         return ca.SX(0)
-    first, last = terms[0], terms[-1]
-    mirrored = b.upto(k - first)[k - last : k - first + 1][::-1]
-    factors = a.upto(last)[first : last + 1]
-    if weight is not None:
-        factors = ca.DM(weight(np.array(terms, dtype=float))) * factors
-    sums = [ca.dot(factors[start::PARALLEL], mirrored[start::PARALLEL]) for start in range(min(PARALLEL, len(terms)))]
-    return reduce(operator.add, sums)
+    factors = [a[j] if weight is None else _times(a[j], weight(j)) for j in terms]
+    products = [_times(factor, b[k - j]) for j, factor in zip(terms, factors, strict=True)]
+    return reduce(_plus, [reduce(_plus, products[start::PARALLEL]) for start in range(min(PARALLEL, len(terms)))])
 
 
 def _linear(a: Series, b: Series, sign: float) -> Series:
-    return Series(lambda k: a[k] + b[k] if sign > 0 else a[k] - b[k])
+    operation = _plus if sign > 0 else _minus
+    return Series(lambda k: operation(a[k], b[k]))
 
 
 def _scaled(a: Series, by: float) -> Series:
-    return Series(lambda k: by * a[k])
+    return Series(lambda k: _times(a[k], by))
 
 
 def _product(a: Series, b: Series) -> Series:
@@ -128,15 +125,15 @@ def _product(a: Series, b: Series) -> Series:
 
 def _square(a: Series) -> Series:
     def term(k: int) -> Expression:
-        crossed = 2 * _convolved(a, a, k, range((k + 1) // 2))
-        return crossed if k % 2 else crossed + a[k // 2] ** 2
+        crossed = _times(_convolved(a, a, k, range((k + 1) // 2)), 2)
+        return crossed if k % 2 else _plus(crossed, _times(a[k // 2], a[k // 2]))
 
     return Series(term)
 
 
 def _quotient(a: Series, b: Series) -> Series:
     def term(k: int) -> Expression:
-        return (a[k] - _convolved(b, result, k, range(1, k + 1))) * over
+        return _times(_minus(a[k], _convolved(b, result, k, range(1, k + 1))), over)
 
     over = 1 / b[0]
     result = Series(term)
@@ -144,7 +141,7 @@ def _quotient(a: Series, b: Series) -> Series:
 
 
 def _integral(rate: Series) -> Term:
-    return lambda k: rate[k - 1] * (1 / k)
+    return lambda k: _times(rate[k - 1], 1 / k)
 
 
 def _root(a: Series) -> Series:
@@ -153,8 +150,8 @@ def _root(a: Series) -> Series:
             return ca.sqrt(a[0])
         half, odd = k // 2, k % 2
         pairs = _convolved(result, result, k, range(1, half + odd))
-        middle = 0 if odd else result[half] ** 2
-        return (a[k] - 2 * pairs - middle) * over
+        rest = _minus(a[k], _times(pairs, 2))
+        return _times(rest if odd else _minus(rest, _times(result[half], result[half])), over)
 
     result = Series(term)
     over = 1 / (2 * result[0])
@@ -174,7 +171,8 @@ def _power(a: Series, exponent: float) -> Series:
     def term(k: int) -> Expression:
         if k == 0:
             return a[0] ** exponent
-        return _convolved(a, result, k, range(1, k + 1), lambda j: exponent * j - (k - j)) * over * (1 / k)
+        terms = _convolved(a, result, k, range(1, k + 1), lambda j: exponent * j - (k - j))
+        return _times(_times(terms, over), 1 / k)
 
     over = 1 / a[0]
     result = Series(term)
@@ -194,7 +192,7 @@ def _along(a: Series, start: Callable[[Expression], Expression], slope: Callable
     def term(k: int) -> Expression:
         if k == 0:
             return start(a[0])
-        return _convolved(a, rate, k, range(1, k + 1), lambda j: j) * (1 / k)
+        return _times(_convolved(a, rate, k, range(1, k + 1), float), 1 / k)
 
     result = Series(term)
     rate = slope(result)
@@ -217,7 +215,7 @@ def _pair(a: Series, odd: Any, even: Any, sign: float) -> tuple[Series, Series]:
         def term(k: int) -> Expression:
             if k == 0:
                 return start(a[0])
-            return _convolved(a, rate, k, range(1, k + 1), lambda j: j) * (factor / k)
+            return _times(_convolved(a, rate, k, range(1, k + 1), float), factor / k)
 
         return term
 
@@ -247,8 +245,8 @@ def _atan2(y: Series, x: Series) -> Series:
         if k == 0:
             return ca.atan2(y[0], x[0])
         terms = range(1, k + 1)
-        turned = _convolved(y, across, k, terms, lambda j: j) - _convolved(x, along, k, terms, lambda j: j)
-        return turned * (1 / k)
+        turned = _minus(_convolved(y, across, k, terms, float), _convolved(x, along, k, terms, float))
+        return _times(turned, 1 / k)
 
     return Series(term)
 
