@@ -72,7 +72,7 @@ def test_sliding_ends_are_stated_on_the_unit_interval() -> None:
     value = ca.Function("L", form.symbols.all, [form.integrand])(0.25, 7, 8, [], [], [1, 5])
     assert float(value) == pytest.approx(4 * (2 + 7 * 4))
     assert form.lift is not None
-    assert [float(v) for v in form.lift(0.25, 7, 8, [1, 5], [])] == [2, 7, 4, 8]
+    assert [float(v) for v in form.lift.function(0.25, 7, 8, [1, 5], [])] == [2, 7, 4, 8]
     assert form.ends.joint is not None
     equations = ca.Function(
         "e", [form.ends.joint.start, form.ends.joint.end, form.symbols.unknowns], [form.ends.joint.equations]

@@ -13,7 +13,8 @@ from varcalc.existence.directions import end_cost
 from varcalc.problem.breaks import bounds
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
-from varcalc.symbolic.derived import answered
+from varcalc.symbolic.derived import answered, derived
+from varcalc.symbolic.evaluation import PointEvaluator
 
 PIECES, LEVELS = 16, 31
 """Pieces of the polygons, and levels on every abscissa."""
@@ -106,14 +107,19 @@ def _pieces(problem: Problem, x: np.ndarray, levels: np.ndarray, steep: float) -
     return envelope * width
 
 
+@derived
+def _held(problem: Problem) -> PointEvaluator:
+    return PointEvaluator(bounds(problem))
+
+
 def _admitted(problem: Problem, x: float, y: np.ndarray, slopes: np.ndarray) -> np.ndarray:
     """L as it is minimised at one abscissa, for each ordinate and each slope, infinite where bounds bar them."""
     ordinates, tried = np.repeat(y, len(slopes)), np.tile(slopes, len(y))
-    at = np.full(len(tried), x)
+    at, none = np.full(len(tried), x), np.zeros((1, 0))
     values = problem.sign * problem.integrand_values(at, ordinates[None], tried[None])
-    numbers, none = np.tile(problem.parameter_values[:, None], (1, len(at))), np.zeros((0, len(at)))
-    kept = np.asarray(bounds(problem)(at[None], ordinates[None], tried[None], none, numbers, none))
-    for given, bound in zip(kept, problem.of_type(Bound), strict=True):
+    curve, numbers = (ordinates[:, None], tried[:, None], none), (problem.parameter_values[None], none)
+    held = _held(problem)(len(at), at[:, None], *curve, *numbers)
+    for given, bound in zip(held.T, problem.of_type(Bound), strict=True):
         low, high = bound.interval
         values = np.where((given >= low) & (given <= high), values, np.inf)
     return np.where(np.isfinite(values), values, np.inf).reshape(len(y), len(slopes))

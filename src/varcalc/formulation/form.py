@@ -13,6 +13,7 @@ from varcalc.formulation.numbers import Numbers
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
 from varcalc.problem.functional import Functional, Symbols
 from varcalc.symbolic.derived import Cache, derived
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 Sampled = Callable[[np.ndarray], np.ndarray]
@@ -258,8 +259,8 @@ class Form:
         return self.stated.lifted
 
     @property
-    def lift(self) -> ca.Function | None:
-        """:attr:`lifted` as a function of (s, y, dy, unknowns, parameters)."""
+    def lift(self) -> PointEvaluator | None:
+        """:attr:`lifted` as a function of (s, y, dy, unknowns, parameters), at any number of points."""
         return _lift(self) if self.stated.is_lifted else None
 
     @property
@@ -327,10 +328,10 @@ class Form:
 
 
 @derived
-def _lift(form: Form) -> ca.Function:
+def _lift(form: Form) -> PointEvaluator:
     s = form.symbols
     arguments = [s.x, s.y, s.dy, s.unknowns, s.parameters]
-    return ca.Function("lift", arguments, [ca.densify(s.kind(e)) for e in form.lifted or ()])
+    return PointEvaluator(ca.Function("lift", arguments, [ca.densify(s.kind(e)) for e in form.lifted or ()]))
 
 
 @derived

@@ -252,8 +252,10 @@ def sensitivities(extremal: Extremal, count: int) -> np.ndarray:
 def lift(form: Form, arguments: list[np.ndarray]) -> list[np.ndarray]:
     """The person's abscissa and ordinates and their derivatives by s: shapes (m,), (n, m), (m,), (n, m)."""
     assert form.lift is not None
-    x, y, dx, dy = form.lift(arguments[0], arguments[1], arguments[2], arguments[5], arguments[4])
-    return [np.asarray(x).ravel(), np.asarray(y), np.asarray(dx).ravel(), np.asarray(dy)]
+    s, y, dy, _, parameters, unknowns = arguments
+    x, *others = form.lift(s.size, s.reshape(-1, 1), y.T, dy.T, unknowns.T, parameters.T).T
+    n = len(others) // 2
+    return [x, np.array(others[:n]), others[n], np.array(others[n + 1 :])]
 
 
 def lifted(extremal: Extremal, s: np.ndarray) -> list[np.ndarray]:

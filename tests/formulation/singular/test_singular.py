@@ -156,7 +156,7 @@ def test_the_chart_between_parallel_singular_lines() -> None:
     assert form.coordinates.energetic
     lift = form.lift
     assert lift is not None
-    x, y, _, _ = lift(0.5, [0.3, math.pi / 6], [0, 0], [], [])
+    x, y, _, _ = lift.function(0.5, [0.3, math.pi / 6], [0, 0], [], [])
     assert (abs(float(x)), float(y)) == pytest.approx((0.3, 0.25), abs=1e-15)
 
 

@@ -19,13 +19,12 @@ from typing import Any
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.answer import end_cost_function
+from varcalc.methods.answer import end_cost_function, lift
 from varcalc.methods.collocation.newton import Sizes, Solve, factorised, measure
 from varcalc.methods.collocation.system import CollocationSystem, Residual, State, collocation_space
 from varcalc.methods.ritz.error import SAFETY
 from varcalc.numerics.mesh import Space
 from varcalc.numerics.roots import EPSILON
-from varcalc.symbolic.evaluation import in_columns
 
 CONTRACTION = 0.1
 """Largest ratio of successive corrections that counts as evidence; one quarter is where roots merge."""
@@ -207,11 +206,11 @@ def curve_distance(system: CollocationSystem, old: State, new: State) -> Any:
     form = system.form
     if form.lift is not None:
         lifted = []
-        s = system.space.quadrature(count)[0].reshape(1, -1)
+        s = system.space.quadrature(count)[0].ravel()
         for y, d, state in ((y0, d0, old), (y1, d1, new)):
-            columns = in_columns(s.size, state.unknowns, form.problem.parameter_values)
-            out: Any = form.lift(s, y.reshape(s.size, -1).T, d.reshape(s.size, -1).T, *columns)
-            lifted.append([np.asarray(v) for v in out])
+            sampled = (values.reshape(s.size, -1).T for values in (y, d))
+            numbers = form.problem.parameter_values[:, None], state.unknowns[:, None]
+            lifted.append(lift(form, [s, *sampled, np.zeros((0, s.size)), *numbers]))
         (x0, q0, dx, dq), (x1, q1, _, _) = lifted
         with np.errstate(divide="ignore", invalid="ignore"):
             change = q1 - q0 - dq / dx * (x1 - x0)

@@ -146,7 +146,7 @@ def reported(form: Form) -> ca.Function:
 
 
 @derived
-def at_ends(form: Form) -> ca.Function:
+def at_ends(form: Form) -> PointEvaluator:
     """The cost of the ends and their equations, with derivatives in (start, end, values at knots, unknowns)."""
     assert form.ends.joint is not None
     e, u = form.ends.joint, form.symbols.unknowns
@@ -154,7 +154,8 @@ def at_ends(form: Form) -> ca.Function:
     conditions = ca.vertsplit(e.equations) if e.equations.numel() else []
     hessians = [ca.hessian(h, v)[0] for h in (e.cost, *conditions)]
     outputs = [e.cost, ca.gradient(e.cost, v), e.equations, ca.jacobian(e.equations, v), *hessians]
-    return ca.Function("ends", [*e.places, u, form.symbols.parameters], [ca.densify(o) for o in outputs])
+    arguments = [*e.places, u, form.symbols.parameters]
+    return PointEvaluator(ca.Function("ends", arguments, [ca.densify(o) for o in outputs]))
 
 
 @derived

@@ -517,8 +517,11 @@ class RitzSystem:
         form = self.form
         c = self.coefficients(z)
         places = list(c[self.joint_numbers])
-        out: Any = at_ends(form)(*places, self.unknowns(z), form.problem.parameter_values)
-        found = [np.asarray(o) for o in out]
+        ends = at_ends(form)
+        [entries] = ends(1, *(v[None] for v in (*places, self.unknowns(z), form.problem.parameter_values)))
+        shapes = [ends.function.size_out(k) for k in range(ends.function.n_out())]
+        columns = np.split(entries, np.cumsum([rows * width for rows, width in shapes])[:-1])
+        found = [column.reshape(shape, order="F") for column, shape in zip(columns, shapes, strict=True)]
         # by how much each equation changes when its variables change by the size of the largest
         reach = np.abs(np.concatenate([*places, self.unknowns(z)])).max(initial=0.0)
         sizes = np.abs(found[3]).max(1, initial=0.0) * reach
