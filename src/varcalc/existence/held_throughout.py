@@ -75,8 +75,8 @@ def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Cr
     """The minimum that follows a kink from end to end; None where none is shown to."""
     plain = problem.n == problem.order == 1 and not (problem.constraints or problem.unknowns)
     followed = [c.switch for c in found if c.until is not None]
-    fixed = problem.start.fixed and problem.end.fixed
-    if not (plain and fixed and followed) or problem.end_cost is not None:
+    closing = (problem.start.fixed and problem.end.fixed) or problem.start.periodic
+    if not (plain and closing and followed) or problem.end_cost is not None:
         return None
     convex = proved_jointly_convex(problem)
     for switch in followed:
@@ -88,7 +88,7 @@ def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Cr
         )
         if along is None or not _between_ends(problem, along):
             continue
-        momentum = held_momentum(problem, along, np.linspace(*problem.span, MOMENTUM_STEPS))
+        momentum = _closing_momentum(problem, along)
         if momentum is None:
             continue
         free = momentum.free if moving else momentum.rates_free
@@ -108,17 +108,24 @@ def resting(problem: Functional, method: Ritz) -> Solution | None:
     held = any(_at_rest(problem, switch) for switch in on_curve(problem))
     if problem.constraints or problem.unknowns or problem.end_cost is not None or not held:
         return None
-    convex, x = proved_jointly_convex(problem), np.linspace(*problem.span, MOMENTUM_STEPS)
+    convex = proved_jointly_convex(problem)
     for ordinate, room in _cheapest_rests(problem)[:MOST_RESTS]:
         along = _constant(ordinate)
-        momentum = held_momentum(problem, along, x)
-        if momentum is None:
-            continue
-        begun = float(momentum.values[0])
-        closed = held_momentum(problem, along, x, (begun, begun))
-        if closed is not None and (convex or (momentum.free and _stands(problem, along, closed))):
+        momentum = _closing_momentum(problem, along)
+        if momentum is not None and (convex or (momentum.free and _stands(problem, along, momentum))):
             return _answer(problem, method, along, room)
     return None
+
+
+def _closing_momentum(problem: Problem, along: Curve) -> HeldMomentum | None:
+    """Momenta along a curve, those of a closed one alike at both ends; None where there are none."""
+    x = np.linspace(*problem.span, MOMENTUM_STEPS)
+    momentum = held_momentum(problem, along, x)
+    if momentum is None or not problem.start.periodic:
+        return momentum
+    begun = float(momentum.values[0])
+    closed = held_momentum(problem, along, x, (begun, begun))
+    return None if closed is None else closed._replace(free=momentum.free)
 
 
 def _at_rest(problem: Problem, switch: Switch) -> bool:
@@ -167,9 +174,10 @@ def _cheapest_rests(problem: Problem) -> list[tuple[float, float]]:
 
 def _between_ends(problem: Problem, along: Curve) -> bool:
     """Whether a curve comes from the start to the end."""
-    ends = np.array([end.values(1)[0] for end in (problem.start, problem.end)])
-    room = ON_KINK * max(height(formulate(problem)), float(np.abs(ends).max()))
-    return bool((np.abs(along(np.array(problem.span), 0)[0] - ends) <= room).all())
+    first, last = along(np.array(problem.span), 0)[0].tolist()
+    ends = [first, first] if problem.start.periodic else [float(e.values(1)[0]) for e in (problem.start, problem.end)]
+    room = ON_KINK * max(height(formulate(problem)), *map(abs, ends))
+    return abs(first - ends[0]) <= room and abs(last - ends[1]) <= room
 
 
 def on_level(problem: Problem, switch: Switch, curve: Curve) -> Curve:
@@ -207,6 +215,8 @@ def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
         return v
 
     first, unit = problem.start.values(1), height(formulate(problem))
+    if problem.start.periodic:
+        first = curve(np.array(span[:1]), 0)[:, 0]
     if not np.isfinite(slopes(np.array(span[:1]), first[:, None])).all():
         return None  # SciPy would choose no first step, and try it for ever
     path = solve_ivp(

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.directions import CurveOrSlope
-from varcalc.existence.held_throughout import held_momentum
+from varcalc.existence.held_throughout import HeldMomentum, held_momentum
 from varcalc.existence.in_pieces import NEAR_ENDS, STEPS_ALONG_KINKS
 from varcalc.formulation import Contact, Form, Stated, formulate
 from varcalc.formulation.form import SideCondition
@@ -99,11 +99,12 @@ def with_rests(
         curve, same = led[0].curve, len(kept) == len(contacts) and len(_ways(problem, kept)) == len(ways)
         following = list(surfaces.following(curve, kept, sides)) if same else kept
         if same and following == kept:
-            held = all(surfaces.holds(curve, c, _beside(problem, kept, c, pieces)) for c in kept)
+            seam = surfaces.at_seam(curve, kept, pieces)
+            held = all(surfaces.holds(curve, c, _beside(problem, kept, c, pieces), seam) for c in kept)
             if not (held and surfaces.within_bounds(curve, solution.x)):
                 return None
             own = resampled(curve, solution.x, 2)
-            off = [surfaces.off_by(curve, c, _beside(problem, kept, c, pieces)) for c in kept]
+            off = [surfaces.off_by(curve, c, _beside(problem, kept, c, pieces), seam) for c in kept]
             error = replace(solution.error, value=solution.error.value + OFF_KNOWN * sum(map(abs, off)))
             solution = replace(solution, value=solution.value - sum(off), error=error)
             rates = surfaces.rates_known(solution.sensitivities, kept)
@@ -120,6 +121,8 @@ def along_jumps(problem: Problem, curve: CurveOrSlope) -> bool:
 def _treated(problem: Problem) -> bool:
     """Whether a graph of one function is under nothing but bounds."""
     if not (problem.n == problem.order == 1) or problem.unknowns or formulate(problem).stated.is_lifted:
+        return False
+    if problem.start.periodic and problem.end_cost is not None:  # the momentum changes there by what that says
         return False
     return all(isinstance(c, Bound) and c.interval[0] < c.interval[1] for c in problem.constraints)
 
@@ -428,18 +431,42 @@ class _Surfaces:
                     known[k] = replace(other, start=one.start, end=one.end)
         yield from sorted(known, key=lambda c: c.start)
 
-    def holds(self, curve: CurveOrSlope, contact: Contact, beside: Beside) -> bool:
+    def at_seam(self, curve: CurveOrSlope, contacts: Sequence[Contact], pieces: Sequence[Expression]) -> float | None:
+        """The momentum with which a closed curve goes on from its end to its start, with L on its ways; else None.
+
+        Where it moves at neither it is what the contact at the start leads on from.
+        """
+        (a, b), ways = self.problem.span, _ways(self.problem, contacts)
+        if not self.problem.start.periodic:
+            return None
+        away = INWARDS * (b - a)
+        if ways[0][0] == a:
+            return self._momentum(pieces[0], curve, a + away)
+        if ways[-1][1] == b:
+            return self._momentum(pieces[-1], curve, b - away)
+        first = contacts[0]
+        left = self._momentum(pieces[0], curve, first.end + away)
+        momentum = self._along(curve, first, (None, None if first.through[1] else left))
+        return None if momentum is None else float(momentum.values[0])
+
+    def holds(self, curve: CurveOrSlope, contact: Contact, beside: Beside, seam: float | None) -> bool:
         """Whether the momentum can go from that before a contact to that after it, with L on both sides of that.
 
-        What goes through a jump gains there what it takes.
+        What goes through a jump gains there what it takes. At the ``seam`` of a closed curve it has that.
         """
-        problem = self.problem
         if contact.start == contact.end and not self.ends_at(contact):
             return True
         momenta = [
-            self._natural(curve, end) if piece is None else None if through else self._momentum(piece, curve, x)
+            self._natural(curve, end, seam) if piece is None else None if through else self._momentum(piece, curve, x)
             for end, piece, through, x in zip((0, 1), beside, contact.through, self._just_beside(contact), strict=True)
         ]
+        if self.jumps(contact) and not self._lower_here(curve, contact):
+            return False
+        return self._along(curve, contact, momenta) is not None
+
+    def _along(self, curve: CurveOrSlope, contact: Contact, momenta: Sequence[float | None]) -> HeldMomentum | None:
+        """Momenta along a contact with those at its ends; None where there are none."""
+        problem = self.problem
         inside = np.linspace(INWARDS, 1 - INWARDS, PLACES_OF_REST)  # at an end the curve has the slope beside it
         x = contact.start + (contact.end - contact.start) * inside
         pressed, jumps = np.zeros((2, 2)), self.jumps(contact)
@@ -450,10 +477,8 @@ class _Surfaces:
             upwards = float(rate(*self.point(curve, 0.5 * (contact.start + contact.end)))) > 0
             below = contact.level < 0 if jumps else contact.level == condition.upper
             pressed[int(self.steep(contact)), int(upwards == below)] = math.inf
-            if jumps and not self._lower_here(curve, contact):
-                return False
         with np.errstate(invalid="ignore"):  # what a bound holds has no middle
-            return held_momentum(problem, curve, x, momenta, pressed, self._size(curve)) is not None
+            return held_momentum(problem, curve, x, momenta, pressed, self._size(curve))
 
     def _just_beside(self, contact: Contact) -> Way:
         """Places just before a contact and just after it, where a curve has the slopes with which it moves."""
@@ -465,7 +490,7 @@ class _Surfaces:
         x = np.linspace(*self.problem.span, PLACES_FOR_BOUNDS)
         return float(np.abs(self.problem.integrand_derivatives(x, curve(x, 0), curve(x, 1)).gradient[:, 2]).max())
 
-    def off_by(self, curve: CurveOrSlope, contact: Contact, beside: Beside) -> float:
+    def off_by(self, curve: CurveOrSlope, contact: Contact, beside: Beside, seam: float | None) -> float:
         """What the functional is more for a curve that runs beside a jump and not on it, with L on both sides of that.
 
         To first order in how far: what presses it there, and what it comes with and leaves with (Gelfand and Fomin,
@@ -486,7 +511,7 @@ class _Surfaces:
         pull = problem.sign * problem.integrand_derivatives(x, curve(x, 0), curve(x, 1)).gradient[:, 1:]
         total = float((pull[:, 0] * moved + pull[:, 1] * turns) @ weights)
         for k, (piece, at) in enumerate(zip(beside, self._just_beside(contact), strict=True)):
-            momentum = self._natural(curve, k) if piece is None else self._momentum(piece, curve, at)
+            momentum = self._natural(curve, k, seam) if piece is None else self._momentum(piece, curve, at)
             total += (1 - 2 * k) * (momentum or 0.0) * float(at_ends[k])
         return problem.sign * contact.level * total
 
@@ -507,9 +532,11 @@ class _Surfaces:
         rate = ca.Function("momentum", s.all, [ca.gradient(piece, s.dy)])
         return self.problem.sign * float(rate(*self.point(curve, x)))
 
-    def _natural(self, curve: CurveOrSlope, end: int) -> float | None:
+    def _natural(self, curve: CurveOrSlope, end: int, seam: float | None) -> float | None:
         """The momentum that an end of the interval asks for; None where the curve is given there."""
         problem = self.problem
+        if problem.start.periodic:
+            return seam
         if (problem.start, problem.end)[end].fixed:
             return None
         if problem.end_cost_expression is None:

@@ -94,9 +94,7 @@ def kinks_at_ends(problem: Functional) -> tuple[Switch, ...]:
 
 def breakable(problem: Functional) -> bool:
     """Whether a problem has switches on the curve, and is a graph whose curves can be broken there."""
-    if not on_curve(problem) or any(problem.slides) or problem.start.periodic:
-        return False
-    return problem.start.of_space is False
+    return bool(on_curve(problem)) and isinstance(problem, Problem) and not any(problem.slides)
 
 
 def breaks(problem: Functional) -> tuple[float, ...]:

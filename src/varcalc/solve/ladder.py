@@ -377,11 +377,13 @@ def _broken(
 ) -> Solution | None:
     """The answer of the direct method in pieces, or a refusal, where its curve meets what switches; None elsewhere."""
     if not (isinstance(method, Ritz) and breakable(problem)):
-        if not (isinstance(method, Ritz) and problem.start.periodic and on_curve(problem)):
-            return None
+        return None
+    if problem.start.periodic:
         from varcalc.existence.held_throughout import resting  # few closed curves switch
 
-        return resting(problem, method)
+        held = resting(problem, method)
+        if held is not None:
+            return held
     start = _sampled(problem, formulate(problem), guess)
     found = at_constant_speed(problem, method, tol, start)
     if found is not None and unseen(found) is None and as_stated(found):
