@@ -30,8 +30,8 @@ LEVELS_BENT = 9
 """Levels of the departures of one function, and of its slopes."""
 STEEPEST = 4.0
 """The steepest departure of the box, in units of the farthest one and the interval."""
-POINTS_BENT, MANY_POINTS, RULES_APART = 3, 16, 10.0
-"""Gauss points on a piece; those by which it is told what a curve sums, and how often the difference is the error."""
+POINTS_BENT, MANY_POINTS, RULES_APART = 3, (16, 24), 10.0
+"""Gauss points on a piece; those of two rules that tell what a curve sums, how often their difference is the error."""
 AT_ENDS = tuple(np.poly1d(c) for c in ((2, -3, 0, 1), (1, -2, 1, 0), (-2, 3, 0, 0), (1, -1, 0, 0)))
 """Shapes of an interval of length 1 of which the departure at the start is 1, the slope there, and those at the end."""
 NONE_AT_ENDS = tuple(np.poly1d([1, -2, 1, 0, 0]) * np.poly1d(c) for c in ([1], [-2, 1], [14 / 3, -14 / 3, 1]))
@@ -142,9 +142,9 @@ class BentAlong(AlongAxes):
         """A curve y (K + 1, 2 k), by many of its points, to be followed."""
         own, slopes = np.split(y, 2, axis=1)
         places = np.interp(np.arange(SHOWN * (len(x) - 1) + 1) / SHOWN, np.arange(len(x)), x)
-        many = float(self.sums(x, y[None], MANY_POINTS)[0])
+        less, more = (float(self.sums(x, y[None], points)[0]) for points in MANY_POINTS)
         levels = any(self.departures.problem.of_type(Isoperimetric))  # which these curves do not keep
-        summed = math.nan if levels else max(value, many) + RULES_APART * abs(value - many)
+        summed = math.nan if levels else max(less, more) + RULES_APART * abs(more - less)
         return Valley(places, CubicHermiteSpline(x, own, slopes)(places), value, False, summed=summed)
 
     @property

@@ -507,6 +507,8 @@ def _followed(
             continue
         if (found := _by_meshes(best, lattice, valley, ways, polish)) is not None:
             return found
+        if seen_first and (found := _as_it_meets(best, lattice, valley, polish)) is not None:
+            return found
         if (marked := _by_polygon(best, lattice, valley, followed=True)) is not None:
             return marked
     return None
@@ -540,6 +542,19 @@ def _by_meshes(
     if surely:
         return _marked(best, f"a rough curve has the value {rough.value:.6g}, and {LED_NOWHERE}")
     return None
+
+
+def _as_it_meets(best: Solution, lattice: Valleys, valley: Valley, polish: Polish) -> Solution | None:
+    """The lower solution that meets what switches as the curve in a valley does; None where there is none.
+
+    With all of that rounded off the ridge before a valley may be gone.
+    """
+    from varcalc.existence.moved_polygons import marked
+
+    if not valley.value < best.problem.sign * best.value + NEARLY * lattice.summed:
+        return None
+    found = polish(IN_NARROW, lattice.landscape.along(valley), marked(valley).marks)
+    return found if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER) else None
 
 
 def _samples(solution: Solution) -> Sampled:
@@ -578,11 +593,11 @@ def _by_moved_polygon(best: Solution, lattice: Valleys, valley: Valley, polish: 
 
 def _by_polygon(best: Solution, lattice: Valleys, valley: Valley, *, followed: bool) -> Solution | None:
     """The known solution marked where a polygon is lower, whose value says nothing of what is lowest there."""
-    value = _along(lattice.landscape, valley)
-    if not _is_lower(value, best, 0.0, SURELY_LOWER):
+    value, known = _along(lattice.landscape, valley), not math.isnan(valley.summed)
+    if not _is_lower(value, best, 0.0, LOWER if known else SURELY_LOWER):
         return None
     tried = LED_NOWHERE if followed else "was not followed: solve by Ritz()"
-    kind = "polygon" if math.isnan(valley.summed) else "curve of cubic pieces"
+    kind = "curve of cubic pieces" if known else "polygon"
     return _marked(best, f"a {kind} has the value {value:.6g}, and {tried}")
 
 
