@@ -59,8 +59,10 @@ FINER_STARTS = 2
 NO_LENGTH = "the functional is not the length of a metric that it is taken for"
 MOST_ELEMENTS = 1000
 """Elements on which an extremal is held: one that needs more is singular somewhere."""
-CLOSER_MESHES = 6
-"""Times that a problem is solved anew on a mesh that sees what lay between the points of the one before."""
+CLOSER_MESHES, LARGE_MESH = 6, 100_000
+"""Times that a problem is solved anew on a mesh that sees what lay between the points of the one before, and unknowns
+from which on a mesh that led to no answer is made no finer.
+"""
 MOST_MARKS = 10_000
 """Elements for which no problem is solved anew: what asks for so many varies everywhere."""
 
@@ -558,7 +560,8 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
         if _agree(solution, again):
             return solution  # nothing was there after all, and the first mesh has more digits
         solution, form = again, again.extremal.form
-        missed = None if solution.verdict is not None else unseen(solution)
+        hopeless = not solution.status.ok and solution.stats.unknowns > LARGE_MESH
+        missed = None if solution.verdict is not None or hopeless else unseen(solution)
     return _refused_for(missed, solution)
 
 

@@ -60,3 +60,9 @@ def test_narrow_dips_and_bumps_of_a_metric_that_is_infinite_at_the_start(height,
         exact = (2 + 2 * mp.mpf(height) * mp.mpf(width) * share.imag) ** 2
     assert found.status.ok
     assert abs(found.value - float(exact)) <= 10 * found.error.value + 1e-14
+
+
+def test_a_stiffness_of_hundreds_of_turns():
+    """1 / (m + sin) is 1 / sqrt(m^2 - 1) on average over turns."""
+    answer = solved(lambda x, y, dy: (1.015 + ca.sin(2 * np.pi * 120 * x)) * dy**2)
+    assert abs(answer.value - (1.015**2 - 1) ** 0.5) <= answer.error.value < 1e-10

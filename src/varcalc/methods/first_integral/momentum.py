@@ -95,7 +95,10 @@ class Momentum(Lines[tuple[Columns, Columns]]):
 
         ends = np.full(delta.shape, -1.1 * LARGEST_ASINH_SLOPE), np.full(delta.shape, 1.1 * LARGEST_ASINH_SLOPE)
         with np.errstate(all="ignore"):
-            z, moved = bracketed_newton(short, *ends, np.zeros(delta.shape), absolute=QUADRATIC)
+            begun = short(np.zeros(delta.shape))
+            # the slope itself, by a step that is exact where L is of second degree in it
+            start = np.clip(np.nan_to_num(np.arcsinh(-begun[0] / begun[1])), *ends)
+            z, moved = bracketed_newton(short, *ends, start, absolute=QUADRATIC)
             z[(np.abs(z) > LARGEST_ASINH_SLOPE) | ~(moved <= QUADRATIC)] = np.nan
         return z, value(anchor, delta, *_direction(z), lam)
 

@@ -12,14 +12,16 @@ from varcalc.methods.first_integral.lines import CurveIntegrals
 from varcalc.numerics.one_coordinate.panels import GRADED, DistanceMap, Panels, tails
 from varcalc.numerics.roots import EPSILON
 
-MOST_REFINEMENTS = 14
-MOST_PANELS = 120
-LOOKS, MOST_SEEING = 60, 400
-"""Bisections, and panels, with which what is narrow is looked for: the narrowest that is a number, and oscillations."""
+MOST_REFINEMENTS, LOOKS = 14, 60
+"""Bisections that lower an error, and with which what is narrow is looked for: the narrowest that is a number."""
+MOST_PANELS = 16_000
+"""Panels of all legs of a curve: some nine hold a turn of what oscillates."""
 WORTHWHILE = 0.8
 """A round that leaves more than this share of the error counts as stale: what is left is noise."""
 SMALLEST_FIRST = 2e-3
 """A first panel bisected below this shows an end that is no half-integer power."""
+TELLS_NOTHING = 1e-6
+"""Relative error from which on rules tell nothing that an answer could be made of."""
 ALLOWED = 8 * EPSILON
 """Quadrature error of a panel, relative to the whole, that is left alone."""
 DECADES = tuple(10.0**-k for k in range(15, 0, -1))
@@ -99,15 +101,22 @@ def _sizes(measured: CurveIntegrals) -> tuple[float, float]:
 
 
 def _bisected(joined: Joined) -> Joined:
-    """The curve by rules with panels bisected as far as that lowers the error their coefficients tell."""
-    best, least, stale = joined, np.inf, 0
+    """The curve by rules with panels bisected as far as that lowers the error their coefficients tell.
+
+    By those it was given where as many as there may be tell nothing: each costs as much as one that tells all.
+    """
+    given, best, least, stale = joined, joined, np.inf, 0
     for _ in range(MOST_REFINEMENTS):
-        joined = _seeing(joined)
-        panels = _panels(joined)
+        seeing = _seeing(joined)
+        if seeing is None:
+            return given
+        joined, panels = seeing, _panels(seeing)
         marks, total = [e > ALLOWED for e in _leg_errors(joined.measured)], _total(joined.measured)
         stale = stale + 1 if total > WORTHWHILE * least else 0
         if total < least:
             best, least = joined, total
+        if sum(p.count for p in panels) > MOST_PANELS and least > TELLS_NOTHING:
+            return given
         if not any(m.any() for m in marks) or stale > 1 or sum(p.count for p in panels) > MOST_PANELS:
             break
         joined = _ruled(joined, [_improved(p, m) for p, m in zip(panels, marks, strict=True)])
@@ -116,15 +125,18 @@ def _bisected(joined: Joined) -> Joined:
     return best
 
 
-def _seeing(joined: Joined) -> Joined:
-    """The curve by rules with panels bisected until nothing of the integrands hides between their points."""
+def _seeing(joined: Joined) -> Joined | None:
+    """The curve by rules with panels bisected until nothing of the integrands hides between their points.
+
+    None where that takes too many.
+    """
     for _ in range(LOOKS):
         marks = hiding(joined)
         if not any(m.any() for m in marks) or not np.isfinite(joined.measured.x[0]):
             break
         panels = [p.split(m) if m.any() else p for p, m in zip(_panels(joined), marks, strict=True)]
-        if sum(p.count for p in panels) > MOST_SEEING:
-            break
+        if sum(p.count for p in panels) > MOST_PANELS:
+            return None
         joined = _ruled(joined, panels)
     return joined
 

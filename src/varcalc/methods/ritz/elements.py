@@ -153,6 +153,15 @@ class Bordered:
     beside: np.ndarray
     corner: np.ndarray
 
+    def of_sizes(self, sizes: np.ndarray) -> float:
+        """The quadratic form of the sizes of the entries, at unknowns of such ``sizes`` (N,)."""
+        inside, border = sizes[self.inside], sizes[self.border]
+        along = [
+            (1 + (k > 0)) * float(np.abs(band[: len(inside) - k]) @ (inside[k:] * inside[: len(inside) - k]))
+            for k, band in enumerate(self.bands)
+        ]
+        return sum(along) + float((2 * inside @ np.abs(self.beside) + border @ np.abs(self.corner)) @ border)
+
 
 def bordered(system: RitzSystem, parts: Parts, cuts: int = 0) -> Bordered:
     """The matrix of element matrices, border and corner, with the coefficients at ``cuts`` vertices in the border."""
@@ -235,13 +244,13 @@ class Eliminated(NamedTuple):
         change[inside], change[border] = own - beside @ tail, tail[: len(border)]
         return change, tail[len(border) :]
 
-    def uncertain(self, system: RitzSystem, parts: Parts) -> bool:
+    def uncertain(self) -> bool:
         """Whether the matrix may be positive by round-off alone: along what a generic load moves it may be none."""
         stiffest, load = np.abs([*self.matrix.bands[0], *self.matrix.corner.diagonal()]).max(), self.loads[:, 1]
         moved, _ = self.answer(1, np.zeros(len(self.schur) - len(self.matrix.border)))
         if not np.linalg.norm(moved) * stiffest > COMPLIANT * np.linalg.norm(load):
             return False
-        return float(moved @ load) <= round_off(_sparse(system, parts), moved[:, None])
+        return float(moved @ load) <= EPSILON * self.matrix.of_sizes(np.abs(moved))
 
 
 def banded_step(
@@ -270,7 +279,7 @@ def banded_step(
     if shift is None:
         return None
     whole = eliminated(0.0)
-    if whole is not None and at.legendre > 0.0 and whole.uncertain(system, own):
+    if whole is not None and at.legendre > 0.0 and whole.uncertain():
         shift = NEARLY_SINGULAR
     zero_mode = shift == NEARLY_SINGULAR and eliminated(DAMPING) is not None  # else round-off made it positive
     found = eliminated(DAMPING if zero_mode else shift)

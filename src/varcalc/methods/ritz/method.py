@@ -573,10 +573,11 @@ class _Climb:
         self.slow = 0.0 if found.error < SLOW * previous else self.slow + (LOCAL if local else 1.0)
         if self.slow >= SLOW_REFINEMENTS:
             return "refinement after refinement hardly lowered the error"
-        given = max(MOST_UNKNOWNS, MOST_AN_ELEMENT * (1 + len(self.form.conditions.knots)))
+        given, space = max(MOST_UNKNOWNS, MOST_AN_ELEMENT * (1 + len(self.form.conditions.knots))), rung.system.space
+        if space.degree >= self.split_degree:  # of many elements a few are bisected at the price of all
+            given = min(given, MOST_WORTH_WHILE)
         if rung.system.size > (MOST_WORTH_WHILE if found.error < WORTH_WHILE * previous else given):
             return f"{rung.system.size} unknowns did not suffice"
-        space = rung.system.space
         stalled = found.error > STALLED * previous or space.degree >= DEGREES[self.form.order][-1]
         kinked = self.bounded and space.elements > 1  # where a bound begins to hold the curve
         if (stalled or kinked) and space.degree >= self.split_degree:
