@@ -34,6 +34,8 @@ from varcalc.verify.slopes import concave_beside, vouched
 
 RELAXED_PIECES = (32, 64)
 """Polygons on which the relaxed problem is solved; the difference tells their error."""
+ALTERNATING = 3
+"""Pieces side by side from which on they are more than a corner."""
 MOST_CORNERS = 8
 CHORD_SHARES = np.array([0.25, 0.5, 0.75])
 """Shares at which the Lagrangian is compared with the chord between two slopes."""
@@ -60,8 +62,8 @@ def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution
     reached = best is not None and sign * (best.value - fine.value) <= doubt
     if reached and best is not None:
         return best
-    # a piece that is mixed between others that are not holds a corner, which no finer polygon makes more of
-    alternating = any(last - first > 1 and fine.mixed[first] for first, last in _runs(fine))
+    # a piece or two that are mixed between others that are not hold a corner, which no finer polygon makes more of
+    alternating = any(last - first >= ALTERNATING and fine.mixed[first] for first, last in _runs(fine))
     if not alternating or _lowest_known(failure, best) * sign <= sign * fine.value + doubt:
         return failure
     message = (

@@ -343,7 +343,7 @@ def softest(
     conditions: nothing but sparse factors is as large as the mesh.
     """
     from scipy import sparse
-    from scipy.sparse.linalg import LinearOperator, eigsh, splu
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
 
     leading = _sparse(system, system.parts(system.leading_blocks(at, z)))
     places, block = system.end_curvature(at, multipliers)
@@ -360,7 +360,10 @@ def softest(
     inverse = LinearOperator((size, size), matvec=inverted, dtype=float)
     start = inverted(np.asarray(leading.sum(axis=1)).ravel())
     asked = min(SOFTEST, size - len(at.conditions) - 1)
-    found = eigsh(hessian, asked, leading, -share, OPinv=inverse, v0=start)
+    try:
+        found = eigsh(hessian, asked, leading, -share, OPinv=inverse, v0=start)
+    except ArpackNoConvergence as stopped:  # those that are soft come first
+        found = stopped.eigenvalues, stopped.eigenvectors
     soft = found[0] < share
     return found[0][soft], found[1][:, soft], round_off(hessian, found[1][:, soft])
 

@@ -26,8 +26,8 @@ from varcalc.optics.surfaces import Geometry, Surface
 from varcalc.symbolic.shapes import shape
 from varcalc.symbolic.sides import ExpressionOnSide, Sides
 
-MOST_CROSSINGS = 6_000
-"""Kinks and jumps that one ray comes to: behind each there may be a piece that is read anew, in some milliseconds."""
+MOST_CROSSINGS, MOST_READ = 20_000, 6_000
+"""Kinks and jumps that one ray comes to, and pieces behind them that are read anew, in some milliseconds each."""
 AHEAD = 1e-12
 """Of the size of the scene: it is asked so far ahead on which side of its other switches a ray goes on."""
 TOLD_APART = 1e-7
@@ -237,8 +237,9 @@ class SwitchedFlow:
         last = np.array(np.broadcast_to(np.asarray(until, dtype=float), (m,)))
         alive = np.arange(m)
         sides = self._sides(ends.states)
+        most = len(self._regions) + MOST_READ
         for number in range(MOST_CROSSINGS):
-            if not watch.lets_on(number, len(alive)):
+            if len(self._regions) > most or not watch.lets_on(number, len(alive)):
                 return
             with watch.going(ends, alive):
                 begun, first = ends.reached[alive], ends.states[alive]
