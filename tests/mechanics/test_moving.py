@@ -86,7 +86,7 @@ experiment = mechanics.Experiment(system, [1.0, 0.0], [0.0, 1.0], (0, 3.0), %s)
         ("lambda t: np.cos(t)", "must return an array of shape (2, 1001)"),
         ("lambda t: 'x'", "what Experiment.exact gives must be made of numbers"),
         ("checks={'place': lambda motion: motion.q(1.0)}", "Experiment.checks['place'] must be a number"),
-        ("checks={'place': lambda motion: motion.where}", "line 5 failed with AttributeError"),
+        ("checks={'place': lambda motion: motion.where}", "line 5 failed with NoMember: Motion has no attribute"),
         ("checks={'place': lambda motion: motion.q(4.0)[0]}", "line 5 failed with ValueError: t must lie between"),
         ("events=(mechanics.Event(lambda t: t, 'now'),)", "events[0] must accept 3 arguments"),
     ],
