@@ -46,6 +46,7 @@ BOUNDED = {
     ),
     # int y sqrt(1 - v^2) is the area below a string of length 1: at most 1/(2 pi), and no curve has v > 1
     "an area by its arc": graph(lambda x, y, v: y * ca.sqrt(1 - v**2), maximise=True),
+    "wells of the slope": graph(lambda x, y, v: v**2 * (v**2 - 1) ** 2 + y, vc.Free(1)),
     "a descent": graph(lambda x, y, v: ca.sqrt((1 + v**2) / y), vc.Fixed(1, 1)),
     # area is negative for y < 0, but no curve gets there without passing where L_vv = 0
     "a soap film": vc.Problem(lambda x, y, v: y * ca.sqrt(1 + v**2), vc.Fixed(-1, 1), vc.Fixed(1, 1)),

@@ -154,7 +154,7 @@ def _along(form: Form, system: RitzSystem, start: np.ndarray, direction: np.ndar
                 return None  # L is not defined further on, as sqrt(1 - v^2) is not: nothing goes on there
             break
         if moves and at.legendre * first.legendre < 0:
-            break  # where a curve changes Legendre's sign L is another functional beyond, as area is for y < 0
+            return None  # where a curve changes Legendre's sign L is another functional beyond, as area is for y < 0
         rows.append((distance, at.value - first.value, at.scale))
     # the far end decides, near the start the functional may rise first; but not where round-off is all there is
     resolved = [row for row in rows if abs(row[1]) > FALL_RESOLVED * row[2]]
