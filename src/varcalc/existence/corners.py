@@ -189,7 +189,7 @@ def _sketches(problem: Problem, found: Relaxed) -> list[_Teeth]:
     if np.array_equal(sketches[0].slopes, sketches[1].slopes):  # no run has two slopes
         sketches.pop()
     sketches += [t for t in map(partial(_without_slivers, found), sketches[:1]) if len(t.x) < len(sketches[0].x)]
-    return [teeth for teeth in sketches if 0 < len(_jumps(problem, found, teeth)) <= MOST_CORNERS]
+    return [teeth for teeth in sketches if len(_jumps(problem, found, teeth)) <= MOST_CORNERS]
 
 
 def _without_slivers(found: Relaxed, teeth: _Teeth) -> _Teeth:
@@ -245,7 +245,7 @@ def _integrands(problem: Problem) -> PointEvaluator:
 
 
 def _solved(problem: Problem, teeth: _Teeth, tol: float, found: Relaxed) -> Solution | None:
-    """The direct method from a polygon whose corners may move, if the answer stands."""
+    """The direct method from a polygon whose corners may move, if the answer stands; it may have none in a far well."""
     marks = np.array([teeth.x[k] for k in _jumps(problem, found, teeth)])
     heights = found.y[0] + np.concatenate([[0.0], np.cumsum(teeth.slopes * np.diff(teeth.x))])
     way = Ritz(starts=1)
@@ -253,9 +253,13 @@ def _solved(problem: Problem, teeth: _Teeth, tol: float, found: Relaxed) -> Solu
         _through_switches(problem, way, tol, polygonal(teeth.x, heights[None]), marks) if on_curve(problem) else None
     )
     if solution is None:
-        form = broken_form(problem, marks.tolist(), lambda x: np.interp(x, teeth.x, heights)[None])
+
+        def along(x: np.ndarray) -> np.ndarray:
+            return np.interp(x, teeth.x, heights)[None]
+
+        form = broken_form(problem, marks.tolist(), along) if len(marks) else formulate(problem)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            solution = way.solve(form, tol=tol, guess=None)
+            solution = way.solve(form, tol=tol, guess=None if len(marks) else along)
     if not solution.status.ok or solution.extremal is None:
         return None
     return solution if vouched(solution, solution.extremal.form).status.ok else None
