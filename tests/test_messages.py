@@ -145,6 +145,7 @@ WRITTEN_WRONGLY = [
     (lambda: of_ends(lambda u, x, du: du**2), "put them in that order, or rename them"),
     (lambda: of_ends(length, end_cost=lambda x0, x1, y0, y1: y1), "put them in that order"),
     (lambda: of_ends(length, constraints=[vc.Isoperimetric(lambda y, x, dy: y, 1)]), "put them in that order"),
+    (lambda: of_ends(lambda q, t, v: v**2 - q**2), "put them in that order"),
     (lambda: of_ends(lambda y, dy: dy**2), r"signature is \(y, dy\); it is called with \(x, y, dy\)"),
     (lambda: with_g(length), r"it is called with \(x, y, dy, p\)"),
     # ends

@@ -151,7 +151,7 @@ def check_order(name: str, function: Callable[..., Any], order: Sequence[str]) -
     """ValueError where the function's arguments are, by their names, those it is called with, but in another order.
 
     ``order`` is how a textbook calls them. Arguments named otherwise are in any order; but a slope, whatever its
-    function is called, comes after it, and both after the abscissa.
+    function is called, comes after it, and both after the abscissa, which the time is where there is one.
     """
     if not isinstance(function, FunctionType) or not order:
         return
@@ -160,7 +160,7 @@ def check_order(name: str, function: Callable[..., Any], order: Sequence[str]) -
     mixed = first != tuple(order) and sorted(first) == sorted(order)
     if not mixed and "dy" in order:
         pairs = [(k, given.index(s)) for k, a in enumerate(given) for f in SLOPE_NAMES if (s := f.format(a)) in given]
-        mixed = any(k == 0 or after != k + 1 for k, after in pairs)
+        mixed = any(k == 0 or after != k + 1 for k, after in pairs) or "t" in first[1:]
     if mixed:
         raise ValueError(
             f"{name} is called with ({', '.join(order)}), but its arguments are named ({', '.join(given)}): "
