@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import varcalc as vc
+from varcalc.certificates.duality import DualBound
+from varcalc.certificates.statement import statement
 
 
 @pytest.fixture(autouse=True)
@@ -37,3 +39,19 @@ def holds_of_a_wave(bounds):
         return low <= exact <= high
 
     return holds
+
+
+@pytest.fixture
+def waving():
+    """The curve ``along`` of a solution on [0, 1] with a wave of a size added, as its dual is asked for it."""
+
+    def waved(along, size, wave):
+        def evaluate(x, k):
+            turned = [np.sin, np.cos, lambda t: -np.sin(t)][k](wave * np.pi * x) * (wave * np.pi) ** k
+            return along.evaluate(x, k) + size * turned
+
+        dual = DualBound(statement(replace(along, evaluate=evaluate)), [(-np.inf, np.inf)])
+        dual.check()
+        return dual
+
+    return waved
