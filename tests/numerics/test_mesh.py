@@ -168,7 +168,7 @@ def test_a_broken_vertex_lets_the_slope_jump_and_the_value_not() -> None:
 
 @pytest.mark.parametrize("smoothness", [1, 2])
 def test_a_periodic_space_closes(smoothness: int) -> None:
-    space = Space(MESH, 5, 2, smoothness, periodic=True)
+    space = Space(MESH, 5, 2, smoothness, periodic=2)
     coefficients = np.sin(np.arange(1.0, space.size + 1))
     for d in range(smoothness):
         left, right = (space.evaluate(coefficients, np.array([x]), d) for x in (-1.0, 2.0))
@@ -177,8 +177,19 @@ def test_a_periodic_space_closes(smoothness: int) -> None:
 
 
 @pytest.mark.parametrize("smoothness", [1, 2])
-@pytest.mark.parametrize(("periodic", "broken"), [(False, ()), (True, ()), (False, (2,)), (True, (1,))])
-def test_prolonging_and_splitting_keep_every_function(smoothness: int, periodic: bool, broken: tuple[int, ...]) -> None:
+def test_of_several_functions_the_first_may_close_alone(smoothness: int) -> None:
+    space = Space(MESH, 5, 2, smoothness, periodic=1)
+    coefficients = np.sin(np.arange(1.0, space.size + 1))
+    for d in range(smoothness):
+        left, right = (space.evaluate(coefficients, np.array([x]), d) for x in (-1.0, 2.0))
+        assert left[0] == pytest.approx(right[0], abs=1e-11)
+        assert abs(left[1] - right[1]) > 1e-3
+    assert space.size == Space(MESH, 5, 2, smoothness).size - smoothness
+
+
+@pytest.mark.parametrize("smoothness", [1, 2])
+@pytest.mark.parametrize(("periodic", "broken"), [(0, ()), (2, ()), (1, ()), (0, (2,)), (2, (1,)), (1, (1,))])
+def test_prolonging_and_splitting_keep_every_function(smoothness: int, periodic: int, broken: tuple[int, ...]) -> None:
     space = Space(MESH, 5, 2, smoothness, periodic, broken)
     coefficients = np.sin(np.arange(1.0, space.size + 1))
     x = np.linspace(-1, 2, 41)[:-1] + 0.01

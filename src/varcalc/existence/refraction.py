@@ -67,6 +67,16 @@ def refracted(
     """
     if not (isinstance(problem, Problem) and breakable(problem)):
         return None
+    from varcalc.existence.linear_between import least_by_lines  # few curves are of this kind
+
+    # whatever is begun from, that finds the least of all
+    return least_by_lines(problem, method, tol) or _with_crossings(problem, method, tol, guess, marks)
+
+
+def _with_crossings(
+    problem: Problem, method: Ritz, tol: float, guess: Sampled | None, marks: Sequence[float]
+) -> Solution | None:
+    """The minimum that meets switches as a rounded one does, or a polygon; the same for what is no such L."""
     if marks and guess is not None:
         solution, met = _as_polygon(problem, method, tol, guess, marks)
         return solution if solution is not None or not met else _none_stands(problem, method, met)

@@ -61,7 +61,12 @@ def curve_form(problem: Curve) -> Form:
             energetic=energetic,
             gauged=not energetic,
         ),
-        Ends(problem.start.values(problem.n)[None], problem.end.values(problem.n)[None], joint, closed),
+        Ends(
+            problem.start.values(problem.n)[None],
+            problem.end.values(problem.n)[None],
+            joint,
+            problem.n if closed else 0,
+        ),
         conditions_of(problem, rewrite),
         Start(baseline, np.array([*problem.unknown_guesses, *([] if energetic else [length])]), np.eye(problem.n)),
         cache=_energy_cache(problem) if energetic and joint is None else Cache(),

@@ -155,13 +155,16 @@ class Coordinates:
 
 @dataclass(frozen=True)
 class Ends:
-    """What is asked at the ends: ``start[k, a]`` is the value of the k-th derivative of function a, NaN where free."""
+    """What is asked at the ends: ``start[k, a]`` is the value of the k-th derivative of function a, NaN where free.
+
+    The first ``periodic`` functions end as they begin.
+    """
 
     start: np.ndarray
     end: np.ndarray
     joint: EndConditions | None = None
     """Cost of the ends and equations between them."""
-    periodic: bool = False
+    periodic: int = 0
 
     @property
     def separate(self) -> bool:

@@ -44,7 +44,7 @@ def graph_form(problem: Problem) -> Form:
     return Form(
         problem,
         Coordinates(Stated(s, integrand, integrand), span, numbers=GraphNumbers() if few else None),
-        Ends(start, end, joint, problem.start.periodic),
+        Ends(start, end, joint, problem.n if problem.start.periodic else 0),
         conditions_of(problem, lambda expression, _: expression, breaks(problem), waypoints),
         Start(line, problem.unknown_guesses, np.eye(problem.n)),
         # where ends are moved nothing else changes: the expressions are in the problem's own symbols

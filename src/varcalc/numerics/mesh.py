@@ -181,7 +181,7 @@ class Space:
 
     ``smoothness`` m makes them C^(m-1) at vertices. At the vertices listed in
     ``broken`` the derivatives from order ``break_order`` on may jump.
-    ``periodic`` identifies the last vertex with the first.
+    For the first ``periodic`` functions the last vertex is the first.
     Coefficients are kept in one vector, ordered along the mesh (vertex, bubbles,
     vertex, ...), so that matrices are banded.
     """
@@ -190,7 +190,7 @@ class Space:
     degree: int
     n: int = 1
     smoothness: int = 1
-    periodic: bool = False
+    periodic: int = 0
     broken: tuple[int, ...] = ()
     break_order: int = 1
 
@@ -230,8 +230,10 @@ class Space:
         behind = 1 + np.flatnonzero(broken[1:-1])
         numbers[behind, k:m] = run(first[behind] - (m - k) * n, m - k)
         if self.periodic:
-            numbers[-1, m : 2 * m] = numbers[0, :m]
-            return numbers, int(first[-1]) + bubbles * n
+            last, others = int(first[-1]) + bubbles * n, n - self.periodic
+            numbers[-1, m : 2 * m, : self.periodic] = numbers[0, :m, : self.periodic]
+            numbers[-1, m : 2 * m, self.periodic :] = last + np.arange(m * others).reshape(m, others)
+            return numbers, last + m * others
         return numbers, m * n + int(after[-1])
 
     @property

@@ -250,7 +250,13 @@ class Ritz(Brief):
             if (form := stated(contacts)) is None:
                 return known
             solution = _Climb(way, at_bounds(form, contacts, vertices), nearly).run(guess)
-            if not solution.status.ok or solution.curve is None:
+            # ends that are off may leave a curve between them that no polynomial holds
+            off = (
+                nearly > tol
+                and solution.status is Status.NOT_CONVERGED
+                and solution.error.value <= NEARLY_FOUND * abs(solution.value)
+            )
+            if not (solution.status.ok or off) or solution.curve is None:
                 return None
             if far_out(form, float(np.abs(solution.curve(solution.x, 0)).max())):
                 return None

@@ -123,7 +123,7 @@ def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[C
             if through:
                 moves.append(_refracted(form, asked[contact.index], end, *rooms, curve, free) - end)
             else:
-                moves.append(0.0 if not room else _setting_out(along, level, end, room, curve))
+                moves.append(_set_out(form, along, level, end, room, length, curve) if room else 0.0)
         # what is far too long is seen less well than where it should be
         most = SHORTENED * (contact.end - contact.start)
         ends.append((contact.start + min(moves[0], most), contact.end + max(moves[1], -most)))
@@ -235,6 +235,26 @@ def shift(form: Form, before: Sequence[Contact], after: Sequence[Contact]) -> fl
         return math.inf
     shifts = [max(abs(a.start - b.start), abs(a.end - b.end)) for a, b in zip(before, after, strict=True)]
     return max(shifts, default=0.0) / (form.span[1] - form.span[0])
+
+
+def _set_out(
+    form: Form, along: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray], level: float, end: float,
+    room: float, length: float, curve: Callable[[np.ndarray, int], np.ndarray],
+) -> float:  # fmt: skip
+    """By how much to move the end of a stretch of a ``length`` with ``room`` beside it."""
+    s, inside = form.symbols, end - math.copysign(BESIDE_END * length, room)
+    momentum = ca.gradient(form.integrand, s.dy)
+    beside = np.array([end + BESIDE_END * room])
+    bend = _along(form, ca.gradient(momentum, s.dy))(beside, curve(beside, 0), curve(beside, 1))
+    if bend[0] != 0.0:
+        return _setting_out(along, level, end, room, curve)
+    # L that is linear in the slope determines the curve beside the end without it: where the line comes to that it ends
+    unmet = ca.gradient(form.integrand, s.y) - _pace(form, momentum)
+    rate = _along(form, _pace(form, unmet))
+    at = np.array([inside])
+    missed, changes = (float(f(at, curve(at, 0), curve(at, 1))[0]) for f in (_along(form, unmet), rate))
+    step = -missed / changes - (end - inside) if changes else 0.0
+    return float(np.clip(step, -abs(room) / 2, abs(room) / 2))
 
 
 def _setting_out(

@@ -1,0 +1,110 @@
+"""Lagrangians that are linear in the slope but for a kink, against closed forms of total variation."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+from mpmath import mp
+
+import varcalc as vc
+from varcalc.formulation import formulate
+from varcalc.formulation.epigraph import epigraph_form
+from varcalc.methods.ritz.ipopt import Ipopt
+
+mp.dps = 25
+TURNING = 2 * mp.pi
+
+
+def of_a_wave(weight: int) -> tuple[mp.mpf, mp.mpf]:
+    """Where the least of |y'| + weight (y - sin 2 pi x)^2 comes to rest before its crest, and its value there."""
+
+    def turned(a: mp.mpf) -> mp.mpf:
+        above = mp.quad(lambda x: mp.sin(TURNING * x) - mp.sin(TURNING * a), [a, mp.mpf(1) / 2 - a])
+        return 2 * weight * above - 2  # what presses a rest takes the momentum from 1 to -1
+
+    a = mp.findroot(turned, (0.01, 0.24), solver="anderson")
+    level = mp.sin(TURNING * a)
+    off = mp.quad(lambda x: (mp.sin(TURNING * x) - level) ** 2, [a, mp.mpf(1) / 2 - a])
+    return a, 4 * level + 2 * weight * off
+
+
+def wave(weight: float, factor: float = 1.0, slope: float = 0.0) -> vc.Lagrangian:
+    return lambda x, y, v: factor * (ca.fabs(v - slope) + weight * (y - slope * x - ca.sin(2 * math.pi * x)) ** 2)
+
+
+@pytest.mark.parametrize("weight", [8, 20, 400])
+@pytest.mark.parametrize("ends", [(vc.Periodic(0, 1), vc.Periodic(0, 1)), (vc.Fixed(0, 0), vc.Fixed(1, 0))])
+def test_a_wave_is_cut_at_its_crests(weight: int, ends: tuple[vc.End, vc.End]) -> None:
+    solution = vc.solve(vc.Problem(wave(weight), *ends))
+    a, value = of_a_wave(weight)
+    assert solution.value == pytest.approx(float(value), abs=1e-12)
+    assert solution.error.value < 1e-10
+    x = np.array([0.25, 0.75])
+    assert solution.curve(x, 0)[0] == pytest.approx(np.array([1, -1]) * float(mp.sin(TURNING * a)), abs=1e-9)
+
+
+def test_a_kink_at_another_slope_and_in_another_unit_is_the_same() -> None:
+    tilted = vc.Problem(wave(20, 1e3, 0.7), vc.Fixed(0, 0), vc.Fixed(1, 0.7))
+    assert vc.solve(tilted).value == pytest.approx(1e3 * float(of_a_wave(20)[1]), rel=1e-12)
+
+
+@pytest.mark.parametrize("weight", [9.0, 100.0])
+def test_free_ends_of_a_ramp_are_at_rest(weight: float) -> None:
+    # the momentum is 0 at the end and 1 where the rest ends, at 1 / sqrt(weight)
+    rest = 1 / math.sqrt(weight)
+    problem = vc.Problem(lambda x, y, v: ca.fabs(v) + weight * (y - x) ** 2, vc.Free(0), vc.Free(1))
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(1 - 2 * rest + 2 * weight * rest**3 / 3, abs=1e-12)
+    assert solution.curve(np.array([0.0, 1.0]), 0)[0] == pytest.approx([rest, 1 - rest], abs=1e-9)
+
+
+def test_the_greatest_is_found_alike() -> None:
+    problem = vc.Problem(lambda x, y, v: -ca.fabs(v) - 9 * (y - x) ** 2, vc.Free(0), vc.Free(1), maximise=True)
+    assert vc.solve(problem).value == pytest.approx(-(1 - 2 / 3 + 2 / 9), abs=1e-12)
+
+
+def test_of_two_wells_the_curve_is_in_the_lower_one() -> None:
+    # y = 1 and y = -1 are as good but for a tilt: at rest at y the tilt is nothing but a number
+    problem = vc.Problem(lambda x, y, v: ca.fabs(v) + 30 * (y**2 - 1) ** 2 + 0.5 * y + x, vc.Free(0), vc.Free(1))
+    with mp.workdps(25):
+        y = mp.findroot(lambda y: 120 * y * (y**2 - 1) + mp.mpf(1) / 2, -1)
+        value = 30 * (y**2 - 1) ** 2 + y / 2 + mp.mpf(1) / 2
+    assert vc.solve(problem).value == pytest.approx(float(value), abs=1e-12)
+
+
+def told_of(solution: vc.Solution) -> float:
+    """The limit that a refusal ends with."""
+    return float(solution.message.rsplit(" ", 1)[1])
+
+
+@pytest.mark.parametrize(("start", "infimum"), [(-0.5, 1.5), (-2.0, 3.0)])
+def test_what_leaves_a_given_end_by_a_jump_is_refused_with_the_infimum(start: float, infimum: float) -> None:
+    problem = vc.Problem(lambda x, y, v: ca.fabs(v) + 50 * (y - x) ** 2, vc.Fixed(0, start), vc.Fixed(1, 1))
+    solution = vc.solve(problem, throw=False)
+    assert solution.verdict is vc.Verdict.NOT_ATTAINED
+    assert told_of(solution) == pytest.approx(infimum, rel=1e-2)
+
+
+def test_the_greater_branch_of_a_closed_curve_need_not_close() -> None:
+    problem = vc.Problem(wave(20), vc.Periodic(0, 1), vc.Periodic(0, 1))
+    lifted = epigraph_form(formulate(problem), lambda x: 0.1 * np.sin(2 * math.pi * x)[None])
+    assert lifted is not None
+    coarse = vc.Ritz(elements=12, degree=5, refine=False, starts=1, optimiser=Ipopt())
+    found = coarse.solve(lifted, tol=1e-3, guess=lifted.start.curve)
+    assert found.value == pytest.approx(float(of_a_wave(20)[1]), abs=0.02)  # 10 for the best constant
+
+
+def test_a_jump_from_well_to_well_is_refused_with_the_supremum() -> None:
+    problem = vc.Problem(
+        lambda x, y, v: -ca.fabs(v) - 30 * (y**2 - 1) ** 2 - 10 * (x - 0.5) * y, vc.Free(0), vc.Free(1), maximise=True
+    )
+    solution = vc.solve(problem, throw=False)
+    with mp.workdps(25):  # at rest in one well the momentum goes from 0 to that of a fall
+        y = mp.findroot(lambda y: 60 * y * (y**2 - 1) - mp.mpf(1) / 4, 1)
+        value = -(30 * (y**2 - 1) ** 2 - mp.mpf(5) / 2 * y + 2 * y)
+    assert solution.verdict is vc.Verdict.NOT_ATTAINED
+    assert "the supremum is not attained: graphs that are ever steeper near x = 0.5" in solution.message
+    assert told_of(solution) == pytest.approx(float(value), rel=1e-2)
