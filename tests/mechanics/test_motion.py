@@ -227,7 +227,7 @@ def test_a_motion_cannot_begin_where_the_lagrangian_is_no_number():
 
 def test_a_motion_over_jumps_without_number_is_told_of_and_ends(monkeypatch):
     """A body at 1e6 meets 2e6 stairs of no height: a fifth of the pieces that are allowed shows how it ends."""
-    monkeypatch.setattr(crossings, "MOST_PIECES", 1000)
+    monkeypatch.setattr(crossings, "MOST_RUN_PIECES", 1000)
     told = []
     system = mechanics.System(lambda t, q, v: v**2 / 2 + ca.fmin(-q, ca.floor(q)), ["q"])
     motion = system.motion([1.0], [1e6], (0.0, 2.0), progress=lambda done, total, what: told.append(done))

@@ -38,7 +38,7 @@ CURVE_RESOLVED = 1e-13
 """Last coefficients of a curve in Chebyshev polynomials, relative to the largest, below which it is resolved."""
 BENT = 1e-5
 """The same of the coefficients of Jacobi's equation, from which the field need not be exact."""
-MOST_PIECES = 256
+MOST_CURVE_PIECES = 256
 VERTEX_ROUND_OFF = 8 * float(np.finfo(float).eps)
 """Distance from a vertex, relative to where it lies, from which on round-off takes no place to the piece beside."""
 NOTHING = 1e-24
@@ -107,7 +107,7 @@ def sampled(statement: Statement) -> list[Samples]:
     edges = edges_at_crossings(statement, _edges(statement))
     done = [_samples(statement, a, b) for a, b in pairwise(edges)]
     shortest = SHORTEST * (edges[-1] - edges[0])
-    while len(done) < MOST_PIECES:
+    while len(done) < MOST_CURVE_PIECES:
         coarse = [
             s
             for s in done

@@ -22,7 +22,7 @@ NO_JUMP = 1e-9
 """Relative difference of what does not jump."""
 AT_ONCE = 6
 """Switches that may turn over in one place."""
-MOST_PIECES = 5_000
+MOST_RUN_PIECES = 5_000
 """Of one run: some seconds of work. A motion through more of them is carried in parts, between which it is told of."""
 
 
@@ -199,7 +199,7 @@ class Crossings:
         reached = self._met_with(walker, old if gone == 0.0 else ())
         if reached != NONE:
             walker.ended(RunOutcome.STOPPED, reached)
-        elif walker.pieces >= MOST_PIECES:
+        elif walker.pieces >= MOST_RUN_PIECES:
             walker.ended(RunOutcome.TOO_MANY_STEPS)
         else:
             self.set_out(walker, (place,))

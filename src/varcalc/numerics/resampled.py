@@ -24,7 +24,7 @@ COARSER = 1.3
 gains nothing by smaller pieces, and next to an infinite slope nothing else is left."""
 SMOOTHER, MOST_NOISE = 0.2, 1e-5
 """Of what a piece misses, one half misses less unless it is noise; and noise is no more than that, in its units."""
-MOST_PIECES = 256
+MOST_HALVED_PIECES = 256
 """Pieces at one time that are halved no further: there the function is noise."""
 SMALLEST = 1e-14
 """Width of a piece that is not halved, relative to the whole."""
@@ -123,7 +123,7 @@ def polynomials(function: Callable[[np.ndarray], np.ndarray], edges: np.ndarray)
             noisy = np.tile(halves.min(0), len(halves)) > SMOOTHER * before
             noisy &= missed <= MOST_NOISE * size
             good = (np.all(apart <= alike, axis=(1, 2)) | noisy) & np.isfinite(values).all((1, 2))
-        good |= (len(left) > MOST_PIECES) | (right - left <= SMALLEST * (edges[-1] - edges[0]))
+        good |= (len(left) > MOST_HALVED_PIECES) | (right - left <= SMALLEST * (edges[-1] - edges[0]))
         known += [(a, v) for a, v in zip(left[good], values[good], strict=True)]
         before = np.tile(missed[~good], 2)
         middle = 0.5 * (left + right)[~good]

@@ -15,7 +15,7 @@ from varcalc.symbolic.tracing import Expression
 NONE = ca.SX(0, 1)
 CUTS = 16
 """Pieces of the interval that are looked at to begin with."""
-MOST_PIECES = 4096
+MOST_SEARCHED_PIECES = 4096
 """Pieces at one time beyond which places are too many to be found."""
 MOST_BREAKS = 256
 FINEST, LEAST_PLACE = 1e-13, 1e-8
@@ -47,10 +47,10 @@ def places(
     found: list[float] = []
     most = MOST_BREAKS + len(switch.levels)
     while len(low):
-        if len(low) > MOST_PIECES and np.all(high - low <= widths.most):
+        if len(low) > MOST_SEARCHED_PIECES and np.all(high - low <= widths.most):
             found += _apart(np.sort((low + high) / 2).tolist(), lambda _: 4 * widths.most)
             break
-        if len(low) > MOST_PIECES or len(found) > most:
+        if len(low) > MOST_SEARCHED_PIECES or len(found) > most:
             return None
         (value,), slope = enclosures(function, [[(low, high)], numbers])
         least, greatest = (np.broadcast_to(v, low.shape) for v in value)

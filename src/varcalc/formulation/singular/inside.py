@@ -24,7 +24,7 @@ from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.tracing import Expression
 
-MOST_PIECES = 16
+MOST_STATED_PIECES = 16
 """Pieces of an interval, each of which states the Lagrangian once more."""
 
 MOST_WHOLE = 2
@@ -53,7 +53,7 @@ class _Piece:
 def inside_form(problem: Problem) -> Form | None:
     """The problem in s; None where nothing inside is singular, or no power explains what L does there."""
     pieces = _pieces(problem)
-    if not any(piece.power != 1 for piece in pieces) or len(pieces) > MOST_PIECES:
+    if not any(piece.power != 1 for piece in pieces) or len(pieces) > MOST_STATED_PIECES:
         return None
     plain = graph_form(problem)
     symbols = extended(problem, problem.n, 0)

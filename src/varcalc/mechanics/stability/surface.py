@@ -21,7 +21,7 @@ TAIL = 4
 """Coefficients at the end of a series, in either parameter, that tell what it leaves out."""
 SURFACE_RESOLVED = 1e-12
 """Of the largest value in a panel: what may be left out."""
-MOST_PANELS = 400
+MOST_SURFACE_PANELS = 400
 
 Values = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From places (m,) in both parameters to functions (m, F)."""
@@ -73,7 +73,7 @@ class PiecewiseSeries:
             if not np.any(rough) or not np.all(np.isfinite(tails)):
                 kept.append(panel)
                 resolved &= bool(np.all(np.isfinite(tails)))
-            elif len(kept) + len(waiting) >= MOST_PANELS:
+            elif len(kept) + len(waiting) >= MOST_SURFACE_PANELS:
                 kept.append(panel)
                 resolved = False
             else:

@@ -14,7 +14,7 @@ from varcalc.numerics.roots import EPSILON
 
 MOST_REFINEMENTS, LOOKS = 14, 60
 """Bisections that lower an error, and with which what is narrow is looked for: the narrowest that is a number."""
-MOST_PANELS = 16_000
+MOST_CURVE_PANELS = 16_000
 """Panels of all legs of a curve: some nine hold a turn of what oscillates."""
 WORTHWHILE = 0.8
 """A round that leaves more than this share of the error counts as stale: what is left is noise."""
@@ -115,9 +115,9 @@ def _bisected(joined: Joined) -> Joined:
         stale = stale + 1 if total > WORTHWHILE * least else 0
         if total < least:
             best, least = joined, total
-        if sum(p.count for p in panels) > MOST_PANELS and least > TELLS_NOTHING:
+        if sum(p.count for p in panels) > MOST_CURVE_PANELS and least > TELLS_NOTHING:
             return given
-        if not any(m.any() for m in marks) or stale > 1 or sum(p.count for p in panels) > MOST_PANELS:
+        if not any(m.any() for m in marks) or stale > 1 or sum(p.count for p in panels) > MOST_CURVE_PANELS:
             break
         joined = _ruled(joined, [_improved(p, m) for p, m in zip(panels, marks, strict=True)])
         if not np.isfinite(joined.measured.x[0]):
@@ -135,7 +135,7 @@ def _seeing(joined: Joined) -> Joined | None:
         if not any(m.any() for m in marks) or not np.isfinite(joined.measured.x[0]):
             break
         panels = [p.split(m) if m.any() else p for p, m in zip(_panels(joined), marks, strict=True)]
-        if sum(p.count for p in panels) > MOST_PANELS:
+        if sum(p.count for p in panels) > MOST_CURVE_PANELS:
             return None
         joined = _ruled(joined, panels)
     return joined

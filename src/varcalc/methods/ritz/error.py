@@ -59,7 +59,7 @@ PANEL_MISS = 1e-14
 """Share of the integral of the absolute value that one panel may miss; samples carry round-off of a tenth of it."""
 MOST_ROUNDS = 40
 """Bisections that bring a panel with a kink inside to round-off."""
-MOST_PANELS = 4000
+MOST_BISECTED_PANELS = 4000
 """Panels bisected at once beyond which an integrand is noise."""
 UNMOVED_CURVE = 1e-14
 """Relative distance of two curves that is made of rounding."""
@@ -341,7 +341,7 @@ def shortfall(
     found = 0.0
     for _ in range(MOST_ROUNDS):
         poor = missed(samples) * half > PANEL_MISS * scale
-        if not poor.any() or poor.sum() > MOST_PANELS:
+        if not poor.any() or poor.sum() > MOST_BISECTED_PANELS:
             break
         found -= float(half[poor] @ (samples[poor] @ weights))
         half = np.repeat(0.5 * half[poor], 2)

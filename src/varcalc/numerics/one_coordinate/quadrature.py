@@ -22,7 +22,7 @@ PANEL_HALVINGS = 40
 """Of a panel; what is not resolved by then is no smooth index."""
 FEW_HALVINGS = 8
 """The same, where a shorter step is the better answer."""
-MOST_PANELS = 64
+MOST_INTEGRAL_PANELS = 64
 """For each of the integrals, at one time."""
 DOUBLINGS = 400
 """Of a step outwards, and halvings where it went too far."""
@@ -98,7 +98,7 @@ def integrals(
             total[:, rows[~fine & ~rest]] = np.nan
             if not np.any(rest):
                 return total.T
-            if np.count_nonzero(rest) > MOST_PANELS * (len(low) + len(way.stops)):
+            if np.count_nonzero(rest) > MOST_INTEGRAL_PANELS * (len(low) + len(way.stops)):
                 rows = rows[rest]
                 break
             rows = np.tile(rows[rest], 2)

@@ -18,7 +18,7 @@ import numpy as np
 from varcalc.numerics.mesh import gauss
 from varcalc.numerics.one_coordinate.motions import AT_JUMP, CoordinateMotion, OneTurn, TwoTurns, seen
 from varcalc.numerics.one_coordinate.panels import transform
-from varcalc.numerics.one_coordinate.quadrature import MOST_PANELS, PANEL_HALVINGS, cut
+from varcalc.numerics.one_coordinate.quadrature import MOST_INTEGRAL_PANELS, PANEL_HALVINGS, cut
 from varcalc.optics.models.reduction import RayPotential
 from varcalc.optics.rays.beam import Rows
 
@@ -64,7 +64,7 @@ def passages_between_stops(
             left = left.take(np.flatnonzero(~fine & ~np.take(lost, left.row)))
             if len(left) == 0:
                 return total
-            if len(left) > MOST_PANELS * (len(low) + len(way.stops)):
+            if len(left) > MOST_INTEGRAL_PANELS * (len(low) + len(way.stops)):
                 break
             left = left.halved(potential)
         total[left.row] = np.nan
