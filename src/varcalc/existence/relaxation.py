@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -27,6 +28,7 @@ from varcalc.problem.breaks import breaks, on_curve
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
 SPREADS = (0.3, 1.0, 3.0)
@@ -139,6 +141,7 @@ class _RelaxedProgram:
         rise = float(np.ptp(self.line))
         self.steep = (rise if rise > LEVEL * self.height else self.height) / (b - a)
         self._values = ca.Function("values", problem.symbols.all, [self._integrands(problem.integrand)])
+        self._at_points = PointEvaluator(self._values)
         middle = pieces // 2
         slope = float(np.diff(self.line)[middle] / np.diff(self.x)[middle]) / self.steep
         chords = self._chords(self.x[middle], self.line[middle], slope)
@@ -171,13 +174,15 @@ class _RelaxedProgram:
             self._bounded(constraint.interval, 1)
         self._add_bounds(rows, placed, [v * self.steep for v in slopes])
         self._w = ca.vertcat(inner, share, *slopes)
-        self._aim = value = totals[0] + added
+        aim = value = totals[0] + added
         if on_curve(self.problem):
             # IPOPT finds no minimum on a kink, and what it finds between few points may owe its value to a jump
-            self._aim = self._totals(self._rounded_off(), placed, share, steep)[0] + added
+            aim = self._totals(self._rounded_off(), placed, share, steep)[0] + added
             value = self._totals(self._values, placed, share, steep, POINTS_OVER_JUMPS)[0] + added
-        self._rows, self._value = ca.vertcat(*rows), ca.Function("J", [self._w], [value])
-        self._told = ca.Function("rows", [self._w], [self._rows])
+        held, self._value = ca.vertcat(*rows), ca.Function("J", [self._w], [value])
+        self._told = ca.Function("rows", [self._w], [held])
+        size = ca.MX.sym("size")
+        self._nlp = {"x": self._w, "p": size, "f": aim / size, "g": held}
 
     def _bounded(self, interval: tuple[float, float], count: int) -> None:
         self._lower.append(np.full(count, interval[0]))
@@ -313,10 +318,21 @@ class _RelaxedProgram:
 
     def _finite(self, at: float, ordinate: float, tried: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Slopes, in units of their own, at which L is finite at a place, and L there."""
-        x, y = np.full(len(tried), at), np.full((1, len(tried)), ordinate)
-        values = np.asarray(self._values(x[None], y, self.steep * tried[None], *self._columns(len(tried))))[0]
+        place, none = (np.full((1, 1), v) for v in (at, ordinate)), np.zeros((1, 0))
+        numbers = self.problem.parameter_values[None]
+        values = self._at_points(len(tried), *place, self.steep * tried[:, None], none, numbers, none)[:, 0]
         finite = np.isfinite(values)
         return tried[finite], values[finite]
+
+    @cached_property
+    def _solver(self) -> ca.Function:
+        """IPOPT on the program, whose parameter is the unit of the functional."""
+        options = {
+            "print_time": False, "show_eval_warnings": False, "no_nlp_grad": True, "calc_lam_p": False,
+            "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": IPOPT_ITERATIONS,
+                      "bound_relax_factor": 0.0, "mu_strategy": "adaptive"},
+        }  # fmt: skip
+        return ca.nlpsol("relaxed", "ipopt", self._nlp, options)
 
     def solved(self, guess: np.ndarray) -> Relaxed | None:
         """A minimum from a start."""
@@ -324,18 +340,11 @@ class _RelaxedProgram:
         size = abs(float(self._value(ca.DM(guess))))
         if not np.isfinite(size):
             return None
-        options = {
-            "print_time": False, "show_eval_warnings": False, "no_nlp_grad": True,
-            "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": IPOPT_ITERATIONS,
-                      "bound_relax_factor": 0.0, "mu_strategy": "adaptive"},
-        }  # fmt: skip
-        nlp = {"x": self._w, "f": self._aim / (size or 1.0), "g": self._rows}
-        solver = ca.nlpsol("relaxed", "ipopt", nlp, options)
         room = np.full(len(guess), np.inf)
         low, high = -room, room.copy()
         low[len(start) : len(start) + count], high[len(start) : len(start) + count] = 0.0, 1.0
         levels = {"lbg": np.concatenate(self._lower), "ubg": np.concatenate(self._upper)}
-        result = solver(x0=guess, lbx=low, ubx=high, **levels)
+        result = self._solver(x0=guess, p=size or 1.0, lbx=low, ubx=high, **levels)
         # a share a little below nothing, of a slope far away, makes a value of any size
         found = np.clip(np.asarray(result["x"]).ravel(), low, high)
         # what keeps the conditions is an upper bound, whether or not IPOPT calls it a minimum
@@ -360,14 +369,14 @@ class _RelaxedProgram:
 
 def _lower_hull(x: np.ndarray, y: np.ndarray) -> list[int]:
     """The numbers of the points of a graph that its convex envelope touches (Andrew's monotone chain)."""
+    across, up = x.tolist(), y.tolist()  # single entries of an array are slow
     hull: list[int] = []
-    for k in range(len(x)):
-        while len(hull) > 1 and not _turns_up(x, y, hull[-2], hull[-1], k):
+    for k, (right, high) in enumerate(zip(across, up, strict=True)):
+        while len(hull) > 1:
+            first, middle = hull[-2:]
+            before, after = across[middle] - across[first], right - across[middle]
+            if (up[middle] - up[first]) * after < (high - up[middle]) * before:  # the polygon through them is convex
+                break
             hull.pop()
         hull.append(k)
     return hull
-
-
-def _turns_up(x: np.ndarray, y: np.ndarray, first: int, middle: int, last: int) -> bool:
-    """Whether the polygon through three points of a graph is convex."""
-    return bool((y[middle] - y[first]) * (x[last] - x[middle]) < (y[last] - y[middle]) * (x[middle] - x[first]))
