@@ -286,13 +286,13 @@ def in_coordinates_of(form: Form, extremal: Extremal) -> Sampled | None:
 
 
 def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
-    """The s at which the monotone abscissa x(s) takes the values x, by bisection from a table, then Newton."""
+    """The s at which the monotone abscissa x(s) takes the values x, from the chords of a table, by Newton within them."""
     (a, b), (table, known) = extremal.form.span, extremal.abscissae
     s = np.where(x <= known[0], a, b)
     left = np.flatnonzero((x > known[0]) & (x < known[-1]))
     at = np.clip(np.searchsorted(known, x[left], side="right"), 1, len(table) - 1)
     low, high = table[at - 1], table[at]
-    s[left] = 0.5 * (low + high)
+    s[left] = low + (high - low) * (x[left] - known[at - 1]) / (known[at] - known[at - 1])
     for _ in range(INVERSION_STEPS):
         if not len(left):
             break
