@@ -200,11 +200,11 @@ class Start:
     bumps: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Form:
     """A functional on a fixed interval, ready for any method: coordinates, ends, conditions and a start.
 
-    What is reported is the functional that is stated, times ``sign``.
+    What is reported is the functional that is stated, times ``sign``. Two forms are one where they are the same object.
     """
 
     problem: Functional

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import casadi as ca
 import numpy as np
 
@@ -26,10 +28,13 @@ FAR_OUT = 1e6
 """Height, in units of :func:`height`, from which on a curve is on its way out."""
 LINE_ROUND_OFF = 1e-15
 """The same of a line between ends that are zero."""
+KEPT_FORMS = 16
+"""Forms whose height is kept: it is asked for by every solve of one, on every mesh."""
 WITHIN = 100.0
 """Ratio of the ends' distance and the height that the functional feels, either way, to which one unit serves both."""
 
 
+@lru_cache(maxsize=KEPT_FORMS)
 def height(form: Form) -> float:
     """A length of the size of the problem's functions.
 
