@@ -286,7 +286,7 @@ def in_coordinates_of(form: Form, extremal: Extremal) -> Sampled | None:
 
 
 def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
-    """The s at which the monotone abscissa x(s) takes the values x, from the chords of a table, by Newton within them."""
+    """The s at which the monotone abscissa x(s) takes the values x, from the chords of a table by Newton."""
     (a, b), (table, known) = extremal.form.span, extremal.abscissae
     s = np.where(x <= known[0], a, b)
     left = np.flatnonzero((x > known[0]) & (x < known[-1]))
