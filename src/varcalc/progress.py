@@ -163,9 +163,11 @@ class _OnTerminal:
         self._bar.start()
 
     def show(self, done: int, total: int | None, words: str) -> None:
+        """Show that so much is done of a ``total``, where that is known, and the ``words``."""
         self._bar.update(self._bar.task_ids[0], completed=done, total=total, what=words)
 
     def stop(self) -> None:
+        """Take the bar away."""
         self._bar.stop()
 
 
@@ -179,11 +181,13 @@ class _InNotebook:
         self._place: Any = display({"text/plain": ""}, raw=True, display_id=True)
 
     def show(self, done: int, total: int | None, words: str) -> None:
+        """Show that so much is done of a ``total``, where that is known, and the ``words``."""
         course = f' value="{done}" max="{total}"' if total else ""
         bar = f"{html.escape(self._title)} <progress{course}></progress> {html.escape(words)}"
         self._place.update({"text/plain": f"{self._title} {words}", "text/html": bar}, raw=True)
 
     def stop(self) -> None:
+        """Take the bar away."""
         # as HTML too: empty text is shown as an empty box
         self._place.update({"text/plain": "", "text/html": ""}, raw=True)
 

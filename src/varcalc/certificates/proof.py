@@ -129,9 +129,18 @@ def certify(solution: Solution, *, digits: int | None = None, progress: Progress
     if digits is not None:
         whole("digits", digits)
     flint()
-    began = time.perf_counter()
     if not solution.status.ok:
         raise VariationalError(solution)
+    certificate = _timed(solution, progress)
+    size = max(abs(certificate.lower), abs(certificate.upper))
+    if digits is not None and not certificate.width <= 10.0**-digits * size:
+        raise _refusal(solution, f"the interval is {certificate.width:.1g} wide, too much for {digits} digits")
+    return certificate
+
+
+def _timed(solution: Solution, progress: Progress) -> Certificate:
+    """The certificate with the time that it took; VariationalError where there is none."""
+    began = time.perf_counter()
     try:
         with telling(progress, solution.problem.name) as told, working(BITS, SERIES_LENGTH):
             exact, written = _exact(solution)
@@ -141,10 +150,7 @@ def certify(solution: Solution, *, digits: int | None = None, progress: Progress
     except KeyboardInterrupt as stop:
         raise Interrupted(solution) from stop
     seconds = time.perf_counter() - began
-    certificate = replace(found, solution=solution, proved=(*found.proved, *written), seconds=seconds)
-    if digits is not None and not certificate.width <= 10.0**-digits * max(map(abs, (found.lower, found.upper))):
-        raise _refusal(solution, f"the interval is {certificate.width:.1g} wide, too much for {digits} digits")
-    return certificate
+    return replace(found, solution=solution, proved=(*found.proved, *written), seconds=seconds)
 
 
 def _refusal(solution: Solution, reason: str) -> VariationalError:

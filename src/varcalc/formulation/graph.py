@@ -141,11 +141,13 @@ class _GraphAtPoints:
         self.sign = problem.sign
 
     def derivatives(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """L as it is minimised, (m,), its gradient (m, 2n) and its Hessian (m, 2n, 2n) by y and y' at ``u`` (m, 2n)."""
         rows = self.problem.integrand_derivatives(self.s, u[:, : self.n].T, u[:, self.n :].T).rows
         rows, k = rows if self.sign > 0 else -rows, 1 + 2 * self.n
         return rows[:, 0], rows[:, 2 : 1 + k], rows[:, 1 + k :].reshape(-1, k, k)[:, 1:, 1:]
 
     def reported(self, u: np.ndarray) -> Reported:
+        """What is integrated, and the curve, at ``u`` (m, 2n)."""
         y, dy = u[:, : self.n], u[:, self.n :]
         values = self.sign * self.problem.integrand_values(self.s, y.T, dy.T)
         return Reported(values, self.s, y, np.ones_like(self.s), dy)

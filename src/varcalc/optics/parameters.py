@@ -63,6 +63,7 @@ class _Traced:
 
     @classmethod
     def of(cls, function: Callable[..., Any], counts: tuple[int, ...], names: tuple[str, ...]) -> _Traced:
+        """A ``function`` traced with each of the ``counts`` of coordinates; itself where it is traced already."""
         if isinstance(function, _Traced):
             return function
         found = {}

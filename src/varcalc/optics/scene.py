@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 from numbers import Real
@@ -198,10 +198,7 @@ class Scene(Shown):
         if until is not None:
             starts.on_stop[:] = touched(propagator.geometries[propagator.stop], starts.points)
         axes = self.axes(starts.points.shape[1])
-        try:
-            return replace(traced(propagator, starts, with_spreading=with_spreading, progress=progress), axes=axes)
-        except Interrupted as stop:
-            raise Interrupted(replace(stop.known, axes=axes)) from stop
+        return _on_axes(axes, lambda: traced(propagator, starts, with_spreading=with_spreading, progress=progress))
 
     def rays(
         self, A: Any, B: Any, *, within: float | None = None, wavelength: float | None = None,
@@ -386,6 +383,14 @@ def _members(name: str, kind: type, given: Any) -> tuple[Any, ...]:
             f"{name} must hold members of varcalc.optics such as {_EXAMPLES[name]}, not {told(item)}{remedy}"
         )
     return tuple(items)
+
+
+def _on_axes(axes: tuple[Axis, ...], carried: Callable[[], Bundle]) -> Bundle:
+    """The bundle that is ``carried``, with the names of its coordinates; so too where that is interrupted."""
+    try:
+        return replace(carried(), axes=axes)
+    except Interrupted as stop:
+        raise Interrupted(replace(stop.known, axes=axes)) from stop
 
 
 _EXAMPLES = {"media": "Uniform or Graded", "surfaces": "Plane or Sphere"}

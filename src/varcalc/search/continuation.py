@@ -158,6 +158,7 @@ class _Walk:
     folds: list[Fold] = field(default_factory=list)
 
     def run(self, level: Root) -> Branch:
+        """The branch from the root of a ``level`` on, until it ends."""
         self.follower = Follower(self.family, function_sizes(self.family.form))
         self.start = self.family.form.problem.parameters[self.family.name]
         point = self._departure(level)

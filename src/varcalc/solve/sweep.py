@@ -20,7 +20,7 @@ from varcalc.methods.arguments import check_tolerance
 from varcalc.methods.labels import checked_method, label
 from varcalc.problem.conditions import file, told, whole
 from varcalc.problem.problem import Curve, Problem
-from varcalc.progress import Interrupted, Progress, telling
+from varcalc.progress import Interrupted, Progress, Telling, telling
 from varcalc.showing import Fact, Plotted, counted, line
 from varcalc.solve.grid import Grid, Paired, Place
 from varcalc.solve.identity import identity
@@ -227,18 +227,26 @@ def sweep(
     _check_solves(problem, method, tol)
     _check_workers(cores, executor)
     header = _header(problem, wanted, method, tol, units, stored=store is not None)
-    with nullcontext() if store is None else Store(store, header) as kept, telling(progress, "sweep") as told:
-        points = {} if kept is None else kept.known
-        missing = [at for at in wanted.places() if at not in points]
-        try:
-            for found in _solved(problem, wanted, missing, method, tol, cores, executor):
-                points.update(found)
-                if kept is not None:
-                    kept.add(found)
-                told(len(points), wanted.count)
-        except KeyboardInterrupt as stop:
-            raise Interrupted(_gathered(wanted, points, header, () if kept is None else kept.notes)) from stop
-        return _gathered(wanted, points, header, () if kept is None else kept.notes)
+    with nullcontext() if store is None else Store(store, header) as kept, telling(progress, "sweep") as tell:
+        return _walked(problem, wanted, header, method, tol, cores, executor, kept, tell)
+
+
+def _walked(
+    problem: Source, wanted: Grid, header: dict[str, Any], method: Any, tol: float, cores: int | None,
+    executor: Executor | None, kept: Store | None, tell: Telling,
+) -> Sweep:  # fmt: skip
+    """The sweep of what is ``kept`` and of the points that are not, kept as they come."""
+    points = {} if kept is None else kept.known
+    missing = [at for at in wanted.places() if at not in points]
+    try:
+        for found in _solved(problem, wanted, missing, method, tol, cores, executor):
+            points.update(found)
+            if kept is not None:
+                kept.add(found)
+            tell(len(points), wanted.count)
+    except KeyboardInterrupt as stop:
+        raise Interrupted(_gathered(wanted, points, header, () if kept is None else kept.notes)) from stop
+    return _gathered(wanted, points, header, () if kept is None else kept.notes)
 
 
 def _check_solves(problem: Any, method: Any, tol: Any) -> None:

@@ -41,6 +41,7 @@ class _Piece:
 
     @property
     def low(self) -> float:
+        """The lesser of its two ends."""
         return min(self.anchor, self.other)
 
     def step(self, s: Expression) -> tuple[Expression, Expression]:

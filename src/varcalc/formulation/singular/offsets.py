@@ -28,14 +28,17 @@ class _Sum:
 
     @property
     def value(self) -> Expression:
+        """The sum as one expression."""
         if self.rest is None:
             return ca.SX(self.constant)
         return self.rest if self.constant == 0.0 else self.constant + self.rest
 
     def times(self, factor: float) -> _Sum:
+        """Both parts times a ``factor``."""
         return _Sum(factor * self.constant, None if self.rest is None else factor * self.rest)
 
     def plus(self, other: _Sum) -> _Sum:
+        """The sum of two, constants with constants."""
         rests = [r for r in (self.rest, other.rest) if r is not None]
         return _Sum(self.constant + other.constant, rests[0] + rests[-1] if len(rests) == 2 else (rests or [None])[0])
 

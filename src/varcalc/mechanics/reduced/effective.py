@@ -113,6 +113,7 @@ class _TracedPotential:
 
     @classmethod
     def of(cls, one: OneCoordinate, chart: OpenChart) -> _TracedPotential:
+        """Those of a coordinate in the chart of u."""
         u = ca.SX.sym("u")
         place = ca.SX(chart.place(u))
         potential, inertia, steady, carried = (
@@ -133,6 +134,7 @@ class _TracedPotential:
 
     @cached_property
     def changes(self) -> Columns:
+        """The changes of g and of its slope from ``base`` to ``base + x``, without cancellation."""
         base, x = ca.SX.sym("base"), ca.SX.sym("x")
         results = [one.change for one in carry(self.function, [displaced(base, x, self.probe)])]
         return PointEvaluator(ca.Function("changes", [base, x], results, {"cse": True})).columns
@@ -143,6 +145,7 @@ class _TracedPotential:
 
     @cached_property
     def stops(self) -> np.ndarray:
+        """Places u (k,) at which g switches from one formula to another, ascending."""
         u, found = ca.SX.sym("u"), []
         for switch in switches([self.function(u)[0]], [u]):
             found += places(switch, u, self._span, found) or []
@@ -150,6 +153,7 @@ class _TracedPotential:
 
     @cached_property
     def gentle(self) -> np.ndarray:
+        """Edges u (k,) between which g is gentle, without the outermost."""
         u, (low, high) = ca.SX.sym("u"), self._span
         edges = np.array([low, (low + high) / 2, high])
         return gentle_boxes(ca.Function("g", [u], [self.function(u)[0]]), edges, MOST_PLACES_OF_POTENTIAL)[1:-1]

@@ -111,6 +111,7 @@ class _RootSearch:
     """Where the baseline was looked at already."""
 
     def run(self, guess: Sampled | None) -> Solution:
+        """The first root that improves to an answer; the failure where none does."""
         for roots in self.attempts(guess):
             for level in roots:
                 improved = self.refinement.improve(level, self.tol)
@@ -121,6 +122,7 @@ class _RootSearch:
         return self.failure()
 
     def failure(self) -> Solution:
+        """No answer, with the most frequent of the reasons."""
         reasons = self.refinement.reasons
         reason = max(set(reasons), key=reasons.count) if reasons else "no starting curve could be tried"
         message = (
@@ -242,6 +244,7 @@ class _RootSearch:
     # reporting
 
     def report(self, improved: Improved) -> Solution:
+        """The answer of an improved root, with its error and what it took."""
         level, assessment, status = improved.level, improved.assessment, improved.status
         message = ""
         if status is Status.SOLVED and assessment.value_error > self.tol * max(1.0, abs(assessment.value)):

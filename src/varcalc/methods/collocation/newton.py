@@ -208,10 +208,12 @@ class _Conditions:
         self._guarded = first.legendre > 0.0 and system.counts.levels == 0
 
     def evaluate(self, z: np.ndarray) -> Residual | None:
+        """The residual at unknowns ``z`` (N,); None where it is no number or beyond the Legendre condition."""
         residual = self.system.evaluate(z)
         return residual if residual.finite and not (self._guarded and residual.legendre <= 0.0) else None
 
     def linearised(self, z: np.ndarray, at: Residual) -> LinearisedEquations[Residual]:
+        """The linear equations of a step from ``z`` (N,), and how corrections are measured."""
         measured = self._measure
         if measured is None or not self.system.still:
             grown = self.scales.grow(self.system, z)

@@ -464,6 +464,7 @@ class _Climb:
         self.looked_beside = False
 
     def run(self, guess: Sampled | None) -> Solution:
+        """The answer of the highest rung that is reached, from a ``guess`` or from the form's own starting curves."""
         rung = self.first_rung(guess)
         self.built = time.perf_counter() - self.started
         best: tuple[Rung, Estimate] | None = None
@@ -631,6 +632,7 @@ class _Climb:
         return layered(rung.system, rung.z, self.tol)
 
     def report(self, rung: Rung, found: Estimate, reason: str) -> Solution:
+        """The answer of a rung with its estimated error, and the ``reason`` where it falls short of the tolerance."""
         if self.rungs.constrained:  # the richer problem has been solved: give that answer
             rung = replace(rung, system=found.system, z=found.z)
         space: Space = rung.system.space

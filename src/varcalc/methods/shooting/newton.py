@@ -70,6 +70,7 @@ class _Matching:
         self.given_up: Termination | None = None
 
     def evaluate(self, z: np.ndarray) -> Mismatch | None:
+        """The mismatch at unknowns ``z`` (N,); None where a segment fails or no work is left."""
         runs_back = self.segments.equations.form.runs_back(self.segments.parts(z)[1])
         if runs_back or self.segments.work.total >= self.most_work:
             return None
@@ -80,6 +81,7 @@ class _Matching:
         return at
 
     def linearised(self, z: np.ndarray, at: Mismatch) -> LinearisedEquations[Mismatch] | None:
+        """The linear equations of a step from ``z`` (N,); None where there is no point in one."""
         self.given_up = self._hopeless(z, at)
         if self.given_up:
             return None

@@ -230,6 +230,7 @@ class _Collocated:
 
     @property
     def t(self) -> np.ndarray:
+        """The abscissae of the stages."""
         return self.end.at + self.step * self.stages.points
 
     @property

@@ -118,6 +118,7 @@ class _Look(Rows):
         return aims.at(aims.angle + turn, aims.sigma + shift, state[:, PATH] + late + shift * momentum**2)
 
     def meeting(self) -> ClosestApproach:
+        """The closest approaches of the k rays."""
         return ClosestApproach(self.aims, self.state, self.miss)
 
 

@@ -229,6 +229,7 @@ class _Course:
 
     @classmethod
     def begun(cls, aims: AimedRays) -> _Course:
+        """The iterations of ``aims`` before the first look."""
         k = len(aims)
         return cls(
             aims, aims.place.copy(), np.maximum(aims.sigma, 0.0), np.zeros((k, 3)), np.ones(k, dtype=bool),

@@ -246,6 +246,7 @@ class _Steps(Rows):
 
     @classmethod
     def begun(cls, field: Field, beam: Beam) -> _Steps:
+        """The rays of a ``beam``, and their neighbours, where σ is 0."""
         place = np.concatenate([beam.position, beam.moved[:, 0]], axis=1)
         speed = np.concatenate([beam.momentum, beam.turned[:, 0]], axis=1)
         with np.errstate(all="ignore"):
