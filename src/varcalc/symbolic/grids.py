@@ -6,9 +6,10 @@ Its coefficients are told from values inside of each cell, and checked at other 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from itertools import product
 from typing import NamedTuple
 
 import casadi as ca
@@ -52,18 +53,37 @@ class GridTable:
 
 @dataclass(frozen=True)
 class OnGrid:
-    """An ``expression`` of a ``position`` and ``constants``, which say in which cells of its ``tables`` that is.
+    """An ``expression`` of a ``position`` and of the ``values`` (T,) of its ``tables``.
 
-    The grid has ``edges`` along each of the ``arguments`` (J,), expressions of the position; beyond the outermost there
-    is nothing.
+    These are polynomials (:attr:`told`) of their ``arguments`` (J,), expressions of the position, and of ``constants``,
+    which say in which cells that is. The grid has ``edges`` along each of the arguments; beyond the outermost there is
+    nothing.
     """
 
     expression: Expression
+    values: Expression
     position: Expression
     constants: Expression
     arguments: Expression
     tables: tuple[GridTable, ...]
     edges: tuple[np.ndarray, ...]
+
+    @cached_property
+    def told(self) -> tuple[Expression, Expression, Expression]:
+        """The tables' values (T,), their derivatives (T, J) by the arguments, and the second ones (T, J J), by rows."""
+        count = self.arguments.numel()
+        slopes, bends = ca.SX(len(self.tables), count), ca.SX(len(self.tables), count**2)
+        values, first = [], 0
+        for row, table in enumerate(self.tables):
+            width = len(table.axes) + table.powers.shape[-1]
+            own = _polynomial(self.constants[first : first + width], [self.arguments[k] for k in table.axes])
+            first += width
+            values.append(own(()))
+            for place, axis in enumerate(table.axes):
+                slopes[row, axis] += own((place,))
+                for other, across in enumerate(table.axes):
+                    bends[row, count * axis + across] += own((place, other))
+        return ca.vertcat(*values), slopes, bends
 
     def numbers(self, cells: np.ndarray) -> np.ndarray:
         """The constants (m, k) in ``cells`` (m, J), numbers along each of the arguments."""
@@ -78,6 +98,7 @@ def on_grid(expression: Expression, position: Expression) -> OnGrid | None:
         return None
     function = ca.Function("read", [position], [expression])
     found: list[GridTable] = []
+    values: list[Expression] = []
     constants: list[Expression] = []
     arguments: list[Expression] = []
     strange: list[str] = []
@@ -95,7 +116,8 @@ def on_grid(expression: Expression, position: Expression) -> OnGrid | None:
         axes = tuple(_number(arguments, o.written) for o in operands)
         found.append(GridTable(axes, knots(operation.function), powers))
         constants.append(ca.SX.sym(f"cell{len(found)}", len(axes) + powers.shape[-1]))
-        return _OnGrid(written, _polynomial(constants[-1], [o.in_cell for o in operands]))
+        values.append(ca.SX.sym(f"value{len(found)}"))
+        return _OnGrid(written, values[-1])
 
     given = [[_OnGrid(symbol, symbol) for symbol in position.elements()]]
     ((result,),) = interpret(function, given, _plain, applied)
@@ -107,7 +129,8 @@ def on_grid(expression: Expression, position: Expression) -> OnGrid | None:
     edges = tuple(_together(own) for own in parts)
     if any(len(own) < 2 for own in edges):
         return None
-    return OnGrid(result.in_cell, position, ca.vertcat(*constants), ca.vertcat(*arguments), tuple(found), edges)
+    told, known, at = (ca.vertcat(*parts) for parts in (values, constants, arguments))
+    return OnGrid(result.in_cell, told, position, known, at, tuple(found), edges)
 
 
 def _plain(value: float) -> _OnGrid:
@@ -135,21 +158,35 @@ class _OnGrid(NamedTuple):
     in_cell: Expression
 
 
-def _polynomial(constants: Expression, arguments: Sequence[Expression]) -> Expression:
-    """What a table is in a cell, by Horner's rule in one argument after the other."""
+def _polynomial(constants: Expression, arguments: Sequence[Expression]) -> Callable[[Sequence[int]], Expression]:
+    """What a table is in a cell: its derivatives by some of its arguments, given by their numbers.
+
+    All are sums of the same few monomials, as a product is dear where series are made of it.
+    """
     count = len(arguments)
-    above = [x - constants[k] for k, x in enumerate(arguments)]
     values = constants[count:].elements()
     degree = round(len(values) ** (1 / count)) - 1
-    for x in reversed(above):
-        rows = [values[k : k + degree + 1] for k in range(0, len(values), degree + 1)]
-        values = []
-        for row in rows:
-            total = row[-1]
-            for coefficient in reversed(row[:-1]):
-                total = coefficient + x * total
-            values.append(total)
-    return values[0]
+    every = list(product(range(degree + 1), repeat=count))
+    above, monomials = [x - constants[k] for k, x in enumerate(arguments)], {every[0]: ca.SX(1)}
+    for powers in every[1:]:
+        last = max(k for k in range(count) if powers[k])
+        alone = not any(powers[:last])
+        less = tuple(0 if k == last and not alone else power - (k == last) for k, power in enumerate(powers))
+        factor = above[last] if alone else monomials[tuple(power * (k == last) for k, power in enumerate(powers))]
+        monomials[powers] = monomials[less] * factor
+
+    def derivative(by: Sequence[int]) -> Expression:
+        total = ca.SX(0)
+        for value, powers in zip(values, every, strict=True):
+            left, factor = list(powers), 1
+            for k in by:
+                factor *= left[k]
+                left[k] -= 1
+            if factor:
+                total += factor * value * monomials[tuple(left)]
+        return total
+
+    return derivative
 
 
 @lru_cache(maxsize=KEPT_TABLES)

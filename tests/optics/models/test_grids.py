@@ -121,3 +121,20 @@ def test_what_is_no_grid_is_not_read_as_one():
     assert on_grid(1 + r[0], r) is None
     assert on_grid(n(ca.vertcat(n(r), r[1])), r) is None
     assert len(on_grid(n(ca.vertcat(2 * r[1] + 1, r[0])) ** 2 + n(ca.vertcat(r[0], r[0])), r).edges) == 2
+
+
+def test_tables_tell_their_derivatives_in_each_cell():
+    """Of t = u²v - 3v² + 2uv³ at u = 2y + 1, v = x, and at u = v = x, by hand."""
+    t, r = table("bspline", lambda u, v: u**2 * v - 3 * v**2 + 2 * u * v**3), ca.SX.sym("r", 2)
+    grid = on_grid(within_knots(t(ca.vertcat(2 * r[1] + 1, r[0])) + t(ca.vertcat(r[0], r[0]))), r)
+    told = ca.Function("told", [r, grid.constants], [ca.vec(part.T) for part in grid.told])
+    x, y = 0.3, -0.6
+    u, v = 2 * y + 1, x
+    cells = [np.searchsorted(edges, at) - 1 for edges, at in zip(grid.edges, (u, v), strict=True)]
+    values, slopes, bends = (part.toarray().ravel() for part in told((x, y), grid.numbers(np.array([cells]))[0]))
+    own = [u**2 * v - 3 * v**2 + 2 * u * v**3, v**3 - 3 * v**2 + 2 * v**4]
+    first = [2 * u * v + 2 * v**3, u**2 - 6 * v + 6 * u * v**2, 0, 3 * v**2 - 6 * v + 8 * v**3]
+    second = [2 * v, 2 * u + 6 * v**2, 2 * u + 6 * v**2, -6 + 12 * u * v, 0, 0, 0, 6 * v - 6 + 24 * v**2]
+    np.testing.assert_allclose(values, own, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(slopes, first, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(bends, second, rtol=0, atol=1e-10)

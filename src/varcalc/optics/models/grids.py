@@ -16,7 +16,7 @@ from varcalc import integrators
 from varcalc.integrators import Flow, Landing
 from varcalc.integrators.protocol import NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression
-from varcalc.optics.models.equations import force, ray_rates
+from varcalc.optics.models.equations import Force, ray_rates
 from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.grids import OnGrid
@@ -25,6 +25,27 @@ MOST_CROSSINGS = 20_000
 """Edges that one ray comes to."""
 ON_EDGE = 1e-13
 """Of the extent of the grid: who is closer to an edge is on it."""
+
+
+def _force(grid: OnGrid) -> Force:
+    """The force of n² on a ``grid``, by the chain rule from what its tables tell of their derivatives."""
+    position, values, arguments = grid.position, grid.values, grid.arguments
+    count, slopes = arguments.numel(), ca.SX.sym("slope", len(grid.tables), arguments.numel())
+    known = [values, ca.vec(slopes)]
+    value, slope, bend = grid.told
+    across = slopes @ ca.jacobian(arguments, position)
+    pull = (ca.gradient(grid.expression, position) + across.T @ ca.gradient(grid.expression, values)) / 2
+
+    def here(expression: Expression) -> Expression:
+        return ca.substitute([expression], known, [value, ca.vec(slope)])[0]
+
+    def along(moved: Expression) -> Expression:
+        shift = ca.jtimes(arguments, position, moved)
+        turned = [bend[:, k * count : (k + 1) * count] @ shift for k in range(count)]
+        rates = ca.vertcat(moved, slopes @ shift, *turned)
+        return here(ca.jtimes(pull, ca.vertcat(position, *known), rates))
+
+    return Force(here(grid.expression), here(pull), along)
 
 
 @dataclass
@@ -40,27 +61,25 @@ class GridFlow:
     _flow: Flow = field(init=False)
 
     def __post_init__(self) -> None:
-        d, count = self.dimension, 2 * len(self.grid.edges)
-        s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * d + 1 + 2 * d * self.neighbours)
-        numbers = ca.SX.sym("c", self.constants + count + self.grid.constants.numel())
-        given, edges, cell = np.split(np.arange(numbers.numel()), [self.constants, self.constants + count])
-        position, momentum, pairs = self.grid.position, ca.SX.sym("p", d), [self.grid.position, self.grid.constants]
-        squared = ca.substitute([self.grid.expression], pairs, [state[:d], numbers[cell.tolist()]])[0]
-        rates = ca.Function("rays", [s, state, numbers], [ray_rates(force(squared, state[:d]), state, d)])
-        at, here = numbers[edges.tolist()], ca.substitute(self.grid.arguments, position, state[:d])
-        ends = [here[k] - at[2 * k + side] for k in range(count // 2) for side in (0, 1)]
-        own = ca.SX(self.stops(state, numbers[given.tolist()]))
+        d, grid, position = self.dimension, self.grid, self.grid.position
+        s, momentum = ca.SX.sym("s"), ca.SX.sym("p", d)
+        state = ca.vertcat(position, momentum, ca.SX.sym("Y", 1 + 2 * d * self.neighbours))
+        given, edges = ca.SX.sym("c", self.constants), ca.SX.sym("e", 2 * len(grid.edges))
+        numbers, here = ca.vertcat(given, edges, grid.constants), _force(grid)
+        rates = ca.Function("rays", [s, state, numbers], [ray_rates(here, state, d)])
+        ends = [grid.arguments[k // 2] - edges[k] for k in range(edges.numel())]
+        own = ca.SX(self.stops(state, given))
         self._own = int(own.numel())
         watched = ca.Function("stops", [s, state, numbers], [ca.vertcat(own, *ends)])
         self._flow = integrators.for_many().compile(rates, watched)
-        slope, across = ca.gradient(self.grid.expression, position), ca.jacobian(self.grid.arguments, position)
+        across = ca.jacobian(grid.arguments, position)
         speed = across @ momentum
-        bend = ca.jtimes(speed, position, momentum) + across @ slope / 2
-        self._slope = PointEvaluator(ca.Function("slope", pairs, [ca.densify(slope)]))
+        bend = ca.jtimes(speed, position, momentum) + across @ here.pull
+        self._slope = PointEvaluator(ca.Function("slope", [position, grid.constants], [ca.densify(2 * here.pull)]))
         self._across = PointEvaluator(ca.Function("across", [position], [ca.densify(across.T)]))
-        told = [ca.densify(self.grid.arguments), ca.densify(speed)]
+        told = [ca.densify(grid.arguments), ca.densify(speed)]
         self._arguments = PointEvaluator(ca.Function("arguments", [position, momentum], told))
-        self._bend = PointEvaluator(ca.Function("bend", [position, momentum, pairs[1]], [ca.densify(bend)]))
+        self._bend = PointEvaluator(ca.Function("bend", [position, momentum, grid.constants], [ca.densify(bend)]))
 
     def ensemble(
         self, states: np.ndarray, constants: np.ndarray, *, until: np.ndarray | float = np.inf,
