@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import root
 
 from varcalc import optics
@@ -25,17 +26,23 @@ APPROACHES = 1e-7
 """A ray of the fan that is aimed at a receiver comes so close."""
 FINE = 6000
 """Steps of a ray that is followed by itself."""
+EDGE = 2.0
+"""Of tables."""
 SIGMA = 1.6
 """Of the optical path that is asked for: σ of the rays of a fan."""
 
 
 @dataclass(frozen=True)
 class Scenery:
-    """A medium, its n² by hand, and optical paths ``within`` which rays are counted; everything is of size 1."""
+    """A medium, its n² by hand, and optical paths ``within`` which rays are counted; everything is of size 1.
+
+    A ray that is aimed is taken there in so many ``steps``: over kinks the rule is of low order.
+    """
 
     medium: optics.Medium
     squared: SquaredIndex
     within: float
+    steps: int = 400
 
 
 def waves(rng: np.random.Generator) -> Scenery:
@@ -106,9 +113,48 @@ def shells(rng: np.random.Generator) -> Scenery:
     return Scenery(optics.Radial(index), squared, 5.0)
 
 
+def patches(
+    across: np.ndarray, up: np.ndarray, n: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values ``n`` at abscissae and heights, linear in each between them, at places (m,); and both derivatives."""
+    i, j = (np.clip(np.searchsorted(side, v) - 1, 0, len(side) - 2) for side, v in ((across, x), (up, y)))
+    wide, high = across[i + 1] - across[i], up[j + 1] - up[j]
+    t, u = (x - across[i]) / wide, (y - up[j]) / high
+    below, above = n[i + 1, j] - n[i, j], n[i + 1, j + 1] - n[i, j + 1]
+    value = (1 - u) * (n[i, j] + t * below) + u * (n[i, j + 1] + t * above)
+    return value, (below + u * (above - below)) / wide, (n[i, j + 1] - n[i, j] + t * (above - below)) / high
+
+
+def table(rng: np.random.Generator, *, smooth: bool) -> Scenery:
+    """An index given at 6 to 12 heights and as many abscissae, a cubic spline in both or linear in each of them.
+
+    Outside there is none.
+    """
+    k = rng.integers(6, 13, 2)
+    sides = [np.sort(np.linspace(-EDGE, EDGE, n) + np.pad(rng.uniform(-0.3, 0.3, n - 2) / n, 1)) for n in k]
+    x, y = np.meshgrid(*sides, indexing="ij")
+    vector, phase = rng.normal(size=2) * 1.5, rng.uniform(0, 6)
+    n = 1.4 + 0.1 * np.sin(vector[0] * x + vector[1] * y + phase) + 0.02 * rng.normal(size=x.shape)
+    given = ca.interpolant("n", "bspline" if smooth else "linear", [side.tolist() for side in sides], n.ravel("F"))
+    spline = RectBivariateSpline(*sides, n)
+
+    def index(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, ...]:
+        if smooth:
+            return spline.ev(x, y), spline.ev(x, y, dx=1), spline.ev(x, y, dy=1)
+        return patches(sides[0], sides[1], n, x, y)
+
+    def squared(r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        inside = np.all(np.abs(r) <= EDGE, axis=1)
+        value, *slope = index(*np.where(inside[:, None], r, 0.0).T)
+        return np.where(inside, value**2, np.nan), 2 * value[:, None] * np.stack(slope, axis=1)
+
+    return Scenery(optics.Graded(lambda x, y: given(ca.vertcat(x, y))), squared, 5.0, 400 if smooth else FINE)
+
+
 FAMILIES: dict[str, Callable[[np.random.Generator], Scenery]] = {
     "waves": waves, "lenses": lenses, "narrow lenses": lambda rng: lenses(rng, rng.uniform(0.3, 1.3)),
-    "folds": folds, "shells": shells,
+    "folds": folds, "shells": shells, "smooth plane tables": lambda rng: table(rng, smooth=True),
+    "linear plane tables": lambda rng: table(rng, smooth=False),
 }  # fmt: skip
 """By name."""
 
@@ -159,7 +205,7 @@ def aimed(
 ) -> tuple[float, float] | None:
     """The launching angle and the optical path of the ray near a guess that meets the target, by fine steps."""
     n = np.sqrt(scenery.squared(source[None])[0][0])
-    steps = 400
+    steps = scenery.steps
 
     def end(guess: np.ndarray) -> tuple[np.ndarray, float]:
         r, p = source[None], n * np.array([[np.cos(guess[0]), np.sin(guess[0])]])

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import reduce
 from typing import Protocol
 
 import numpy as np
@@ -47,6 +48,11 @@ CLOSE, SUM_ROUND_OFF, NOISY = 1e-15, 4e-15, 0.25
 """Of a panel, of what is summed, and of the noise of that: a zero is not told more closely."""
 IS_ZERO = 1e-9
 """Of what is summed: what is left of a combination at its zero, beside noise."""
+
+
+def reduced(function: np.ufunc, values: np.ndarray, axis: int) -> np.ndarray:
+    """``function.reduce`` along a short axis: it takes a tenth of the time, one slice after the other."""
+    return reduce(function, np.moveaxis(values, axis, 0))
 
 
 class Functions(Protocol):
@@ -205,15 +211,17 @@ def _series(
     """Whether (P,) series stand for the functions at points and checked places (P, N + 2, F), and them (P, F, N)."""
     noise = np.maximum(np.stack([functions.noise(family, low), functions.noise(family, high)]), PROXY_RESOLVED)
     own, checked = values[:, : PROXY_DEGREE + 1], values[:, PROXY_DEGREE + 1 :]
-    series = np.einsum("kn,pnf->pfk", _TO_SERIES, own)
+    series = np.tensordot(own, _TO_SERIES, (1, 1))
     with np.errstate(all="ignore"):
         scale = functions.scale(family)
-        size = np.maximum(np.abs(own).max(axis=1), scale)
-        tail = np.abs(series[..., -2:]).max(axis=-1)
-        off = np.abs(np.einsum("cn,pfn->pcf", _AT_CHECKED, series) - checked).max(axis=1)
+        sizes = np.abs(own)
+        largest, least = (reduced(bound, sizes, 1) for bound in (np.maximum, np.minimum))
+        size = np.maximum(largest, scale)
+        tail = np.maximum(*np.moveaxis(np.abs(series[..., -2:]), -1, 0))
+        off = reduced(np.maximum, np.abs(series @ _AT_CHECKED.T - checked.transpose(0, 2, 1)), 2)
         resolved, alike = noise.max(axis=0), noise.max(axis=0) <= MOST_RATIO * noise.min(axis=0)
-        even = alike & (size <= MOST_RATIO * np.maximum(np.abs(own).min(axis=1), scale))
-        idle = np.isnan(values).all(axis=1) | functions.beyond(family, values)
+        even = alike & (size <= MOST_RATIO * np.maximum(least, scale))
+        idle = reduced(np.logical_and, np.isnan(values), 1) | functions.beyond(family, values)
         series[idle] = np.nan
         fine = idle | (even & (tail <= resolved * size) & (off <= FORETOLD * resolved * size))
     return fine.all(axis=1), series

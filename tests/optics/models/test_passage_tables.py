@@ -52,6 +52,21 @@ def test_passages_about_the_centre_of_a_fish_eye_are_arcs(monkeypatch):
     assert len(read.tables.made) == 1
 
 
+def test_other_pairs_of_about_the_same_heights_are_read_from_the_same_tables():
+    """Beyond the channel, where n falls to 0 at infinity, how deep rays may come depends on the pairs."""
+    rng = np.random.default_rng(7)
+    profile, tables = Profile(optics.munk_profile(), 1.0, -1000.0), PassageTables()
+    made = []
+    for _ in range(2):
+        ends = np.concatenate([rng.uniform((-4000, -400), (-3700, -100), (4, 2)), rng.uniform(-3700, -400, (8, 2))])
+        read = TabledPassages(RayPassages.between(profile, ends, np.full(12, 2.0**19))[0], tables)
+        pair, angles = drawn(rng, read.passages, 20)
+        read.at(pair, angles, np.full((len(pair), 6), 1e5))
+        made.append(set(tables.made))
+    assert made[0] == made[1]
+    assert len(made[0]) > 1
+
+
 @pytest.mark.parametrize("strength", [1e-1, 1e-3, 1e-6])
 def test_passages_in_a_duct_are_what_is_integrated(strength):
     """Trapped rays and those that pass, up to angles that turn where next to nothing is left of the duct."""

@@ -57,7 +57,7 @@ COUNT = len(_AT_COLUMNS)
 class Leaf:
     """A panel of the logarithm from ``low`` to ``high``: ``edges`` (n + 1,) of the shares, and series on n panels.
 
-    ``series`` (n, LEAF_DEGREE + 1, (LEAF_DEGREE + 2) * COLUMNS) are those in the logarithm of those in the share of the
+    ``series`` (n, LEAF_DEGREE + 1, COLUMNS * (LEAF_DEGREE + 2)) are those in the logarithm of those in the share of the
     integrals from about the reference, ``off`` (n, COLUMNS) what these may be off. ``ends`` (LEAF_DEGREE + 1, 2) are
     series of the ends from the reference, ``most`` (LEAF_DEGREE + 1,) that of the largest parameter.
     """
@@ -73,9 +73,9 @@ class Leaf:
     @cached_property
     def to_ends(self) -> np.ndarray:
         """Series (LEAF_DEGREE + 1, 2 * COLUMNS) in the logarithm of the integrals up to both ends."""
-        first, last = (part.reshape(LEAF_DEGREE + 1, LEAF_DEGREE + 2, COLUMNS) for part in self.series[[0, -1]])
+        first, last = (part.reshape(LEAF_DEGREE + 1, COLUMNS, LEAF_DEGREE + 2) for part in self.series[[0, -1]])
         signs = (-1.0) ** np.arange(LEAF_DEGREE + 2)
-        return np.stack([np.tensordot(first, signs, (1, 0)), last.sum(axis=1)], axis=1).reshape(LEAF_DEGREE + 1, -1)
+        return np.stack([first @ signs, last.sum(axis=2)], axis=1).reshape(LEAF_DEGREE + 1, -1)
 
 
 def leaves(slopes: SameSlopes, low: np.ndarray, high: np.ndarray) -> list[tuple[Leaf, float] | None]:
@@ -127,7 +127,7 @@ def _leaf(
     off = off + apart.sum(axis=2).max(axis=0)
     span = np.where(np.isfinite(ends).all(), known[:, 1] - known[:, 0], np.abs(known).sum(axis=1)).max()
     worst = max((off / whole.min(axis=0)).max(), ends_apart.max() / (ENDS_MET * span), (most_apart / most[told:]).max())
-    series = np.tensordot(_TO_SERIES, values[:told], 1).transpose(1, 0, 2, 3).reshape(len(edges) - 1, told, -1)
+    series = np.tensordot(_TO_SERIES, values[:told], 1).transpose(1, 0, 3, 2).reshape(len(edges) - 1, told, -1)
     return Leaf(*panel, edges, series, _TO_SERIES @ known[:told], _TO_SERIES @ most[:told], off), float(worst)
 
 
@@ -164,8 +164,8 @@ def _within(leaf: Leaf, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 
 def _summed(leaf: Leaf, panel: int, in_logarithm: np.ndarray, in_share: np.ndarray) -> np.ndarray:
     """The series of one panel (m, COLUMNS)."""
-    series = (in_logarithm @ leaf.series[panel]).reshape(len(in_share), LEAF_DEGREE + 2, COLUMNS)
-    return np.einsum("mj,mjf->mf", in_share, series)
+    series = (in_logarithm @ leaf.series[panel]).reshape(len(in_share), COLUMNS, LEAF_DEGREE + 2)
+    return np.einsum("mj,mfj->mf", in_share, series)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from varcalc.numerics.one_coordinate.integral_tables import SlopesTable
 from varcalc.numerics.one_coordinate.motions import OneTurn, TwoTurns
 from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.numerics.one_coordinate.slopes import SameSlopes
-from varcalc.optics.models.passages import COUNT, LAYERS, RayPassages, past_centre
+from varcalc.numerics.proxies import reduced
+from varcalc.optics.models.passages import COUNT, LAYERS, ROOM, RayPassages, outwards, past_centre
 
 MOST_TURNS = 32
 """Turns of g, with more of which no table is made."""
@@ -24,8 +25,6 @@ MOST_TABLES = 16
 """Kept of a medium."""
 AS_WELL = 4.0
 """By how many times what is read may be farther off than panels of integrals that agree."""
-ROOM = 8
-"""Parts of the heights that are asked about to which their range is rounded outwards."""
 
 
 @dataclass
@@ -77,9 +76,9 @@ class TabledPassages:
         ends = np.append(self.passages.start, self.passages.end)
         low, high = ends.min(), ends.max()
         size = high - low if high > low else max(abs(high), 1.0) / ROOM
-        step = 2.0 ** np.ceil(np.log2(size)) / ROOM
+        low, high = outwards(low, high, size)
         u = self.passages.nodes.u
-        return max(np.floor(low / step) * step, u[0]), min(np.ceil(high / step) * step, u[-1])
+        return max(float(low), u[0]), min(float(high), u[-1])
 
     def at(self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, enough: float = 0.0) -> np.ndarray:
         """See :meth:`RayPassages.at`: read from tables where these know as much, beside a ``scale`` (m, COUNT).
@@ -105,7 +104,7 @@ class TabledPassages:
 
     def _integrate(self, out: np.ndarray, told: np.ndarray, pair: np.ndarray, angles: np.ndarray) -> None:
         """Write down what was not ``told``."""
-        rows = np.flatnonzero(~np.all(told, axis=1))
+        rows = np.flatnonzero(~reduced(np.logical_and, told, 1))
         if len(rows):
             rest = self.passages.integrated(pair[rows], angles[rows], ~told[rows])
             out[rows] = np.where(np.tile(told[rows], 2), out[rows], rest)
@@ -124,12 +123,13 @@ class TabledPassages:
         agreed = np.maximum(AS_WELL * np.maximum(self.passages.noise(pair, angles), AGREED), enough)
         c, squared = np.sqrt(g) * np.cos(angles), g * np.sin(angles) ** 2
         u, levels, deeper = self._levels
-        here, t = self.passages.start[pair, None], len(self._turns)
+        here, t = self.passages.start[pair], len(self._turns)
         left = np.where((c**2 < g / 2)[:, None], levels - c[:, None] ** 2, deeper[pair] + squared[:, None])
-        stopped = left[:, :t] <= 0
-        above, below = stopped & (u[:t] > here), stopped & (u[:t] < here)
-        upper = np.where(above.any(axis=1), np.argmax(above, axis=1), -1)
-        lower = np.where(below.any(axis=1), t - 1 - np.argmax(below[:, ::-1], axis=1), -1)
+        upper, lower = np.full((2, len(angles)), -1)
+        for k in range(t):
+            stopped = left[:, k] <= 0
+            lower[stopped & (u[k] < here)] = k
+            upper[stopped & (u[k] > here) & (upper < 0)] = k
         for key in np.unique((lower + 1) * (t + 1) + upper + 1):
             low, high = int(key) // (t + 1) - 1, int(key) % (t + 1) - 1
             if low >= 0 and high == low + 1:  # level to round-off, where g turns: there is nothing between

@@ -27,6 +27,8 @@ from varcalc.numerics.one_coordinate.quadrature import AGREED, TAU, integrals
 from varcalc.optics.models.between_stops import passages_between_stops
 from varcalc.optics.models.reduction import PATH, RayPotential
 
+ROOM = 8
+"""Parts of a range to which it is rounded outwards."""
 AIMED, CLOSEST = 1e-6, 1e-9
 """Rays aimed at a centre, in radians, to within which optical paths, and angles about it, are told by their like."""
 AT_A_TURN = 1e-13
@@ -47,6 +49,14 @@ TOGETHER = 2048
 """Angles whose passages are integrated together; bounds the memory."""
 LAYERS, COUNT = 3, 6
 """RayPassages S, U and D: how far they come along the layers, and together with their optical paths."""
+
+
+def outwards(low: np.ndarray, high: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ranges, rounded outwards to parts of a ``size``: those that are nearly the same are one, and share tables."""
+    with np.errstate(all="ignore"):
+        step = 2.0 ** np.ceil(np.log2(size)) / ROOM
+        least, most = np.floor(low / step) * step, np.ceil(high / step) * step
+    return np.where(np.isfinite(least), least, low), np.where(np.isfinite(most), most, high)
 
 
 @dataclass(frozen=True)
@@ -76,6 +86,7 @@ class RayPassages:
         free = np.full(len(ends), np.inf)
         low = np.maximum(profile.farthest(lower, -1, within, free), lower - reach)
         high = np.minimum(profile.farthest(upper, 1, within, free), upper + reach)
+        low, high = outwards(low, low, lower - low)[0], outwards(high, high, high - upper)[1]
         return cls(profile, profile.nodes(lower, upper, low, high, size), start, end, low, high), swapped
 
     @cached_property
@@ -177,12 +188,15 @@ class RayPassages:
         """
         if not np.any(self._inner):
             return np.zeros((len(angles), COUNT))
-        lost = self._inner[pair]
-        if plain is not None:
-            lost &= ~(plain[:, None] & (np.arange(lost.shape[1]) == self.count[pair, None] - 1))[..., None]
-        with np.errstate(all="ignore"):
-            beside = (self.rounded[pair] / np.abs(angles[:, None] - self.breaks[pair]))[..., None]
-        return np.tile(np.minimum(np.where(lost, beside, 0.0).max(axis=1), 1.0), 2)
+        worst = np.zeros((len(angles), LAYERS))
+        for k in np.flatnonzero(self._inner.any(axis=(0, 2))):
+            lost = self._inner[pair, k]
+            if plain is not None:
+                lost &= ~(plain & (k == self.count[pair] - 1))[:, None]
+            with np.errstate(all="ignore"):
+                beside = self.rounded[pair, k] / np.abs(angles - self.breaks[pair, k])
+            worst = np.maximum(worst, np.where(lost, beside[:, None], 0.0))
+        return np.tile(np.minimum(worst, 1.0), 2)
 
     def at_least(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
         """What S is, and U and D are no less than (m, 6), told without their turning points.
@@ -276,9 +290,12 @@ class RayPassages:
     @cached_property
     def _broken(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The breaks (p, b), whether they are mild, and which of S, U and D come to rest there (p, b, 3)."""
-        rests = [self._rests(*ends) for ends in zip(self.start, self.end, self.low, self.high, strict=True)]
+        upper, lower = np.maximum(self.start, self.end), np.minimum(self.start, self.end)
+        sides = [np.searchsorted(self.nodes.u, place) for place in (lower, self.low)]
+        sides += [np.searchsorted(self.nodes.u, place, side="right") - 1 for place in (upper, self.high)]
+        rests = [self._rests(*ends) for ends in zip(*(side.tolist() for side in sides), strict=True)]
         pair, node = np.repeat(np.arange(len(rests)), [len(r) for r in rests]), np.concatenate(rests)
-        u, upper, lower = self.nodes.u[node], np.maximum(self.start, self.end), np.minimum(self.start, self.end)
+        u = self.nodes.u[node]
         above, below, up = u >= upper[pair], u <= lower[pair], self.way[pair] > 0
         at_rest = np.stack([~above & ~below, np.where(up, above, below), np.where(up, below, above)], axis=1)
         # the change of g is known to its own round-off, however small
@@ -294,13 +311,12 @@ class RayPassages:
         alike = ALIKE * np.minimum(self._variation[0], 1.0)
         return _padded(pair, fallen, mild, at_rest, alike)
 
-    def _rests(self, start: float, end: float, low: float, high: float) -> np.ndarray:
-        """The nodes at which rays from ``start`` to ``end`` come to rest, or turn where g is less smooth."""
-        u, g = self.nodes.u, self.nodes.g
-        lower, upper = min(start, end), max(start, end)
-        first, last = np.searchsorted(u, lower), np.searchsorted(u, upper, side="right") - 1
-        bottom, top = np.searchsorted(u, low), np.searchsorted(u, high, side="right") - 1
-        own = self._own
+    def _rests(self, first: int, bottom: int, last: int, top: int) -> np.ndarray:
+        """The nodes from ``bottom`` to ``top`` at which rays come to rest, or turn where g is less smooth.
+
+        They go from the node ``first`` to ``last`` or back.
+        """
+        g, own = self.nodes.g, self._own
         above = np.concatenate([[last], own[(own > last) & (own < top)], [top]])
         below = np.concatenate([[first], own[::-1][(own[::-1] < first) & (own[::-1] > bottom)], [bottom]])
         between = first + int(np.argmin(g[first : last + 1]))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from varcalc.numerics.proxies import Proxies, ProxyPanels, proxies
+from varcalc.numerics.proxies import Proxies, ProxyPanels, proxies, reduced
 from varcalc.optics.models.passage_tables import TabledPassages
 from varcalc.optics.models.passages import EPSILON, LAYERS, RayPassages
 
@@ -97,7 +97,7 @@ class Spread:
         rows, shape = np.repeat(family, at.shape[1]), (*at.shape, -1)
         angles = self.angles(rows, at.ravel())
         values, told, off = self.tabled.tabled(rows, angles, self.scale(rows), enough)
-        roughly, well = (np.all(known.reshape(shape), axis=1) for known in (off <= OF_USE, told))
+        roughly, well = (reduced(np.logical_and, known.reshape(shape), 1) for known in (off <= OF_USE, told))
         idle = self._idle(family, values.reshape(shape), roughly, well)[:, :LAYERS]
         self._complete(values, told | np.repeat(idle, at.shape[1], axis=0), rows, angles, enough)
         return values.reshape(shape)
@@ -107,7 +107,7 @@ class Spread:
     ) -> None:
         """Write down what the tables did not tell."""
         self.tabled.complete(values, told, family, angles, self.scale(family), enough)
-        rows = np.flatnonzero(np.isneginf(values).any(axis=1))
+        rows = np.flatnonzero(reduced(np.logical_or, np.isneginf(values), 1))
         if len(rows):
             least = self.passages.at_least(family[rows], angles[rows])
             asked = self.scale(family[rows])
@@ -135,11 +135,11 @@ class Spread:
 
         U and D are gone twice, so that they are too long by far before a ray is; S is gone once.
         """
-        exists = np.isfinite(values)
-        least = np.where(exists.any(axis=1), np.min(values, axis=1, initial=np.inf, where=exists), -np.inf)
+        least = reduced(np.minimum, np.where(np.isfinite(values), values, np.inf), 1)
+        least[least == np.inf] = -np.inf  # none exists
         longer = (least[:, :LAYERS] > self.distance[family, None]) | (least[:, LAYERS:] > self.within[family, None])
         longer &= np.column_stack([well[:, :1], known[:, 1:]])
-        used = np.logical_not(longer | (known & np.isnan(values[..., :LAYERS]).all(axis=1)))
+        used = np.logical_not(longer | (known & reduced(np.logical_and, np.isnan(values[..., :LAYERS]), 1)))
         once, turning = values[..., 0], [values[..., 0] + 2 * values[..., k] for k in (1, 2)]
         told = np.column_stack([self._asked(family, came) for came in (once, *turning)])
         asked = np.where(known[:, :1] & known, told, True)
@@ -154,7 +154,7 @@ class Spread:
 
         Between these they may come as much farther, or less far, as they differ. Where one is not known all may be.
         """
-        least, most = came.min(axis=1), came.max(axis=1)
+        least, most = (reduced(bound, came, 1) for bound in (np.minimum, np.maximum))
         beside = most - least
         return ~((most + beside < self.nearest[family]) | (least - beside > self.farthest[family]))
 
@@ -178,7 +178,7 @@ class _TabledSpread(Spread):
         enough: float,  # noqa: ARG002
     ) -> None:
         """What the tables do not tell is not known."""
-        values[~np.all(told, axis=1)] = -np.inf
+        values[~reduced(np.logical_and, told, 1)] = -np.inf
 
 
 def _share(known: np.ndarray, half: np.ndarray, away: np.ndarray) -> np.ndarray:
