@@ -58,3 +58,20 @@ def test_no_ray_longer_than_is_asked_for():
     low, high = scene.rays((0, 0), (0.5, 0.1))
     rays = scene.rays((0, 0), (0.5, 0.1), within=(low.optical_path + high.optical_path) / 2)
     assert [ray.optical_path for ray in rays] == [low.optical_path]
+
+
+@pytest.mark.parametrize("medium", [optics.Uniform(1.4), optics.Radial(lambda r: 1.4 + 0 * r)])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_in_a_uniform_medium_the_straight_line_is_all_there_is(medium, dimension):
+    sources, receivers = np.random.default_rng(8).normal(size=(2, 20, dimension))
+    away = np.linalg.norm(receivers - sources, axis=1)
+    answers = optics.Scene(medium).arrivals(sources, receivers, within=2.8)
+    for way, far, rays in zip(receivers - sources, away, answers, strict=True):
+        assert rays.searched.startswith("the straight line")
+        assert len(rays) == (1.4 * far <= 2.8)
+        for ray in rays:
+            assert ray.optical_path == pytest.approx(1.4 * far, rel=1e-15)
+            np.testing.assert_allclose(ray.tangents, [way / far] * 2, rtol=0, atol=1e-15)
+            assert (ray.index, ray.degenerate) == (0, False)
+            assert ray.spreading == pytest.approx(far ** (dimension - 1), rel=1e-14)
+    assert {len(rays) for rays in answers} == {0, 1}

@@ -509,7 +509,7 @@ class PairSearch:
     def _known(self, dimension: int) -> Complete | None:
         """What knows all rays of the scene, where there is one medium and no surface."""
         medium = self.compiled.media[0]
-        if self.compiled.surfaces or medium.is_uniform:
+        if self.compiled.surfaces:
             return None
         if dimension not in self._complete:
             known = ConstantPull.of(medium, dimension)

@@ -1,11 +1,11 @@
-"""All rays between two points where ∇n² is constant: parabolas, at most two, by a quadratic equation.
+"""All rays between two points where ∇n² is constant: parabolas, at most two, by a quadratic equation; or one line.
 
 With g = ∇n²/2 the ray equation r'' = g has r = a + p σ + g σ²/2, and |p|² = n²(a) makes
 
     |g|² s²/4 - (n²(a) + g·(b - a)) s + |b - a|² = 0
 
 of the ends, with s = σ² (the trajectories of a thrown stone; Goldstein, Poole and Safko, "Classical Mechanics", 3rd
-ed., ch. 1). The optical path is n²(a) σ + g·p σ² + |g|² σ³/3.
+ed., ch. 1). The optical path is n²(a) σ + g·p σ² + |g|² σ³/3. Where g is nothing the other parabola is infinitely far.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class ConstantPull:
 
     @classmethod
     def of(cls, medium: Medium, dimension: int) -> ConstantPull | None:
-        """The medium's; None where ∇n² is not constant, or is nothing."""
-        if medium.is_uniform or not is_linear(medium, dimension):
+        """The medium's; None where ∇n² is not constant."""
+        if not is_linear(medium, dimension):
             return None
         position = ca.SX.sym("r", dimension)
         squared = ca.SX(medium.squared_index(position))
@@ -54,7 +54,9 @@ class ConstantPull:
     ) -> list[Rays]:  # fmt: skip
         """The rays from each point ``a`` (q, d) to ``b`` (q, d) up to an optical path ``within`` (q,)."""
         carried = self._aimed(a, b, within).carried(len(a), carry, careful)
-        return [_answer(*own) for own in zip(carried, within, strict=True)]
+        known = "the two parabolas through both points, of a constant gradient of n²"
+        known = known if np.any(self.pull) else "the straight line through both points, of a constant index"
+        return [_answer(*own, known) for own in zip(carried, within, strict=True)]
 
     def _aimed(self, a: np.ndarray, b: np.ndarray, within: np.ndarray) -> Aimed:
         squared = self.squared(len(a), a)[:, 0]
@@ -78,6 +80,6 @@ class ConstantPull:
         return Aimed(question, headings, path[question, which], touching[question], nothing, unknown)
 
 
-def _answer(rays: list[Ray], within: float) -> Rays:
-    searched = f"the two parabolas through both points, of a constant gradient of n², optical paths up to {within:.6g}"
+def _answer(rays: list[Ray], within: float, known: str) -> Rays:
+    searched = f"{known}, optical paths up to {within:.6g}"
     return Rays(tuple(rays), "", searched) if rays else no_rays(SHADOW, searched)
