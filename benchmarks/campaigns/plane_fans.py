@@ -26,6 +26,8 @@ APPROACHES = 1e-7
 """A ray of the fan that is aimed at a receiver comes so close."""
 FINE = 6000
 """Steps of a ray that is followed by itself."""
+KINKED = 1600, 2e-4
+"""Steps of a ray over many kinks, and how well it is told then."""
 EDGE = 2.0
 """Of tables."""
 SIGMA = 1.6
@@ -36,13 +38,15 @@ SIGMA = 1.6
 class Scenery:
     """A medium, its n² by hand, and optical paths ``within`` which rays are counted; everything is of size 1.
 
-    A ray that is aimed is taken there in so many ``steps``: over kinks the rule is of low order.
+    A ray that is aimed is taken there in so many ``steps``, by which launching angles of one ray agree to ``same``
+    radians, and optical paths to ten times that: over kinks the rule is of low order.
     """
 
     medium: optics.Medium
     squared: SquaredIndex
     within: float
     steps: int = 400
+    same: float = 1e-5
 
 
 def waves(rng: np.random.Generator) -> Scenery:
@@ -148,7 +152,7 @@ def table(rng: np.random.Generator, *, smooth: bool) -> Scenery:
         value, *slope = index(*np.where(inside[:, None], r, 0.0).T)
         return np.where(inside, value**2, np.nan), 2 * value[:, None] * np.stack(slope, axis=1)
 
-    return Scenery(optics.Graded(lambda x, y: given(ca.vertcat(x, y))), squared, 5.0, 400 if smooth else FINE)
+    return Scenery(optics.Graded(lambda x, y: given(ca.vertcat(x, y))), squared, 5.0, *(() if smooth else KINKED))
 
 
 FAMILIES: dict[str, Callable[[np.random.Generator], Scenery]] = {

@@ -12,8 +12,8 @@ from varcalc import optics
 
 RECEIVERS = 20
 RAYS, STEPS = 4_000, 240
-ROUGH, SAME = 5e-3, 1e-5
-"""Launching angles of one ray agree so well as the net has it, and as it is aimed; optical paths to ten times that."""
+ROUGH = 5e-3
+"""Launching angles of one ray agree so well as the net has it; optical paths to ten times that."""
 STRAYED = 1e-3
 """A ray that comes no nearer to its target, as the fan's rule takes it by fine steps, is none of it."""
 EDGE = 1e-3
@@ -42,7 +42,9 @@ def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> list[str]
             if any(_alike(guess, other, ROUGH) for other in own):
                 continue
             found = aimed(scenery, source, target, guess[0], SIGMA * scenery.within / STEPS * (step + 0.5))
-            if found is None or found[1] > (1 - EDGE) * scenery.within or any(_alike(found, one, SAME) for one in own):
+            if found is None or found[1] > (1 - EDGE) * scenery.within:
+                continue
+            if any(_alike(found, one, scenery.same) for one in own):
                 continue
             tally.missed += rays.unresolved == 0
             tally.missed_and_said += rays.unresolved > 0
