@@ -21,7 +21,7 @@ import numpy as np
 from varcalc import integrators
 from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, RunOutcome
 from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
-from varcalc.optics.media.medium import Expression, Medium, looking_up, switching
+from varcalc.optics.media.medium import Expression, Field, Medium, looking_up, switching
 from varcalc.optics.media.tabulated import Layers
 from varcalc.optics.models.equations import force_of, ray_rates, ray_system
 from varcalc.optics.models.grids import GridFlow
@@ -29,7 +29,7 @@ from varcalc.optics.models.jumps import jumping, layers_of
 from varcalc.optics.models.model import Carrier, Model
 from varcalc.optics.models.switched import SwitchedFlow
 from varcalc.optics.models.watch import UNWATCHED, Watch
-from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, RayStatus, packed, unpacked
+from varcalc.optics.rays.beam import DARK, NOTHING, Arrival, Beam, RayStatus, packed, unpacked
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -49,6 +49,10 @@ FAR_SPHERE = 1e6
 """Rays that have come so many times farther than the scene is large meet nothing any more."""
 MOMENTUM_BROKEN = 1e-8
 """|p|² and n², which are equal along a ray, differ by so much of n² only where the index is singular."""
+FLAT = 16.0
+"""Of n² and its Hessian matrix, the square of its slope: for a power of n² above 1.1 it is no more beside a zero."""
+STEPS_BY_PATH = 192
+"""Of one ray by its optical path: past what is so dark it takes more, for there they shrink, and it may be led over."""
 SAME_SIGMA = 1e-14
 """Relative difference of σ and the sum of its parts that is round-off."""
 SINGULAR = int(RayStatus.SINGULAR)
@@ -180,19 +184,18 @@ RayFlow = Flow | LayeredFlow | GridFlow | SwitchedFlow
 
 def runs(
     flow: RayFlow,
-    surfaces: Sequence[Geometry],
+    belongs: Sequence[Callable[[np.ndarray], np.ndarray]],
     states: np.ndarray,
     constants: np.ndarray,
     waiting: dict[int, np.ndarray],
     watch: Watch = UNWATCHED,
 ) -> Iterator[tuple[np.ndarray, Landing]]:  # fmt: skip
-    """Carry rays, in place, each to its next stop; the first stops are the levels of ``surfaces``.
+    """Carry rays, in place, each to its next stop.
 
-    ``waiting`` holds the rows to be carried, by the number of the stop that they start from. Rays that come to a
-    level where the surface itself does not reach are carried on; the caller may put others back into ``waiting``.
-    Yields the rows of each run and how they landed.
+    ``waiting`` holds the rows to be carried, by the number of the stop that they start from. Rays that come to one of
+    the first stops in states (k, N) that do not ``belong`` to it are carried on; the caller may put others back into
+    ``waiting``. Yields the rows of each run and how they landed.
     """
-    dimension = surfaces[0].dimension if surfaces else 0
     while waiting:
         start, rows = waiting.popitem()
         if len(rows) == 0:
@@ -204,9 +207,9 @@ def runs(
             landing = flow.ensemble(states[rows], constants[rows], leaving=leaving)
         states[rows] = landing.states
         struck = np.where(landing.outcomes == STOPPED, landing.stopped_by, NONE)
-        for number in np.unique(struck[(struck != NONE) & (struck < len(surfaces))]):
+        for number in np.unique(struck[(struck != NONE) & (struck < len(belongs))]):
             there = rows[struck == number]
-            strangers = there[~surfaces[number].belongs(states[there, :dimension])]
+            strangers = there[~belongs[number](states[there])]
             if len(strangers):
                 waiting[int(number)] = np.concatenate([waiting.get(int(number), strangers[:0]), strangers])
         yield rows, landing
@@ -247,7 +250,8 @@ class HamiltonRays:
         struck = np.full(len(beam), NOTHING)
         status = np.full(len(beam), int(RayStatus.ARRIVED))
         limited = bool(np.all(np.isfinite(limit)))
-        constants = (limit if limited else np.full(len(beam), FAR_SPHERE * self._extent(beam.position)))[:, None]
+        bound = limit if limited else np.full(len(beam), FAR_SPHERE * self._extent(beam.position))
+        constants = np.column_stack([bound, DARK * np.sum(beam.momentum**2, axis=1)])
         left = np.flatnonzero(limit > beam.optical_path)
         if not limited and self._steady:
             never = self._behind(beam, leaving != NOTHING)
@@ -257,7 +261,7 @@ class HamiltonRays:
             left = left[~self._by_path(states, limit, left, beam.deviations)]
         if len(left):  # otherwise nothing need be compiled
             flow = self.stopped_flow(beam.deviations, limited)
-            for rows, landing in runs(flow, self.surfaces, states, constants, {leaving: left}, watch):
+            for rows, landing in runs(flow, self._belonging, states, constants, {leaving: left}, watch):
                 struck[rows], status[rows] = self._told(landing, limited)
         if watch.kept and watch.stage.stopped:
             status[status == RayStatus.TOO_MANY_STEPS] = RayStatus.INTERRUPTED
@@ -270,7 +274,7 @@ class HamiltonRays:
 
         With the optical path for the abscissa there is no stop to be found, but the equations are of second order only
         with σ, by which they take a quarter of the steps where nothing is compiled. Where the index all but vanishes
-        rays take for ever in the optical path: those are left as they were.
+        rays take very many steps in the optical path: those are left as they were.
         """
         d = self.dimension
         with _ONE_AT_A_TIME:
@@ -282,6 +286,7 @@ class HamiltonRays:
         with _ONE_RUN:
             landing = flow.ensemble(states[rows], none, start=start, until=limit[rows])
         there = (landing.outcomes == COMPLETED) & np.all(np.isfinite(landing.states), axis=1)
+        there &= landing.steps <= STEPS_BY_PATH
         states[rows[there]] = landing.states[there]
         states[rows[there], 2 * d] = limit[rows[there]]
         return there
@@ -337,7 +342,7 @@ class HamiltonRays:
 
     def leg(self, beam: Beam, path: float) -> Leg:
         """See :meth:`varcalc.optics.models.model.Carrier.leg`."""
-        state, limit = packed(beam), np.array([[path]])
+        state, limit = packed(beam), _up_to(np.array([path]))
         unhindered = self._unhindered.stopped_flow(beam.deviations, True)
         length = float(unhindered.ensemble(state, limit).reached[0])
         pieced = isinstance(unhindered, LayeredFlow | GridFlow | SwitchedFlow)
@@ -376,8 +381,8 @@ class HamiltonRays:
         states, grown = packed(beam), np.zeros(len(beam))
         ahead = np.flatnonzero(path > beam.optical_path)
         if len(ahead):
-            landing = self._unhindered.stopped_flow(beam.deviations, True).ensemble(states[ahead], path[ahead, None])
-            there = (landing.outcomes == STOPPED) & (landing.stopped_by == 0)
+            landing = self._unhindered.stopped_flow(beam.deviations, True).ensemble(states[ahead], _up_to(path[ahead]))
+            there = (landing.outcomes == STOPPED) & (landing.stopped_by == 1)
             states[ahead] = np.where(there[:, None], landing.states, np.nan)
             grown[ahead] = landing.reached
         return self._known(states), grown
@@ -388,7 +393,7 @@ class HamiltonRays:
         if not isinstance(flow, SwitchedFlow):
             yield np.arange(len(beam)), beam, end
             return
-        for piece in flow.pieces(packed(beam), end.optical_path[:, None]):
+        for piece in flow.pieces(packed(beam), _up_to(end.optical_path)):
             yield piece.rows, unpacked(piece.first, self.dimension), unpacked(piece.last, self.dimension)
 
     @cached_property
@@ -404,7 +409,7 @@ class HamiltonRays:
         flow = self._unhindered.stopped_flow(beam.deviations, True)
         if not isinstance(flow, SwitchedFlow):
             return beam.crossed
-        landing, crossed = flow.crossing(packed(beam), limit[:, None], crossed=beam.crossed, watch=watch)
+        landing, crossed = flow.crossing(packed(beam), _up_to(limit), crossed=beam.crossed, watch=watch)
         return np.where(landing.outcomes == TOO_MANY_STEPS, np.nan, crossed)
 
     def _sound(self, states: np.ndarray) -> np.ndarray:
@@ -448,16 +453,41 @@ class HamiltonRays:
     def _told(self, landing: Landing, limited: bool) -> tuple[np.ndarray, np.ndarray]:
         """What a landing says: the surfaces struck, and the status of each ray."""
         status = STATUS_OF_OUTCOME[landing.outcomes]
-        stop = np.where(landing.outcomes == STOPPED, landing.stopped_by, NONE)
-        end = stop == len(self.surfaces)  # the limit, or the far sphere
+        stop, dark = np.where(landing.outcomes == STOPPED, landing.stopped_by, NONE), len(self.surfaces)
+        status[stop == dark] = SINGULAR
         if not limited:
-            status[end] = RayStatus.MISSED
-        outside = stop > len(self.surfaces)
-        status[outside] = RayStatus.OUTSIDE
-        return np.where(end | outside, NOTHING, stop), status
+            status[stop == dark + 1] = RayStatus.MISSED
+        status[stop > dark + 1] = RayStatus.OUTSIDE
+        return np.where(stop >= dark, NOTHING, stop), status
+
+    @cached_property
+    def _belonging(self) -> list[Callable[[np.ndarray], np.ndarray]]:
+        """Whether states in which rays come to a surface are on it, and those of all but no momentum where it is dark.
+
+        Where n² vanishes and its slope does not rays come to rest and turn back, as a stone does.
+        """
+        d = self.dimension
+
+        def on(surface: Geometry) -> Callable[[np.ndarray], np.ndarray]:
+            return lambda states: surface.belongs(states[:, :d])
+
+        def flat(states: np.ndarray) -> np.ndarray:
+            _, gradient, hessian = self._field(states[:, :d])
+            bend, squared = np.linalg.norm(hessian, axis=(1, 2)), np.sum(states[:, d : 2 * d] ** 2, axis=1)
+            return np.sum(gradient**2, axis=1) <= FLAT * bend * squared
+
+        return [*map(on, self.surfaces), flat]
+
+    @cached_property
+    def _field(self) -> Field:
+        """n² with its derivatives."""
+        return Field(self.medium, self.dimension)
 
     def stopped_flow(self, neighbours: int, limited: bool) -> RayFlow:
-        """The compiled system; its last stop is the limit of the optical path, or a sphere far away."""
+        """The compiled system; its last stops are where |p|² is its last constant, and the limit of the optical path.
+
+        Or, in place of the limit, a sphere far away.
+        """
         with _ONE_AT_A_TIME:
             if (neighbours, limited) not in self._stopped_flows:
                 self._stopped_flows[neighbours, limited] = self._compiled(neighbours, limited)
@@ -466,9 +496,14 @@ class HamiltonRays:
     def _compiled(self, neighbours: int, limited: bool) -> RayFlow:
         d = self.dimension
 
-        def stops(state: Expression, bound: Expression) -> Expression:
-            levels = [surface.surface.level(state[:d]) for surface in self.surfaces]
+        def stops(state: Expression, constants: Expression) -> Expression:
+            levels, bound = [surface.surface.level(state[:d]) for surface in self.surfaces], constants[0]
             end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
-            return ca.vertcat(*levels, end)
+            return ca.vertcat(*levels, ca.sumsqr(state[d : 2 * d]) - constants[1], end)
 
-        return compile_rays(self.medium, self._layers or self._grid, d, neighbours, stops, 1)
+        return compile_rays(self.medium, self._layers or self._grid, d, neighbours, stops, 2)
+
+
+def _up_to(path: np.ndarray) -> np.ndarray:
+    """The constants (m, 2) of runs to optical paths ``path`` (m,) that nothing dark ends."""
+    return np.column_stack([path, np.full(len(path), -1.0)])

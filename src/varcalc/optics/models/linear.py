@@ -16,11 +16,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from varcalc.numerics.roots import first_ahead, growing, quadratic_ahead
+from varcalc.numerics.roots import bracketed_newton, first_ahead, growing, quadratic_ahead
 from varcalc.optics.media.medium import Medium, switching
 from varcalc.optics.media.tabulated import Tabulated
 from varcalc.optics.models.model import Carrier, DoesNotApply, Model
-from varcalc.optics.rays.beam import NOTHING, Arrival, Beam, RayStatus, first_met
+from varcalc.optics.rays.beam import DARK, NOTHING, Arrival, Beam, RayStatus, first_met
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.surfaces import Geometry
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -34,6 +34,8 @@ SERIES_TERMS = 14
 TEST_PLACES = 12
 """Random places at which an identity between polynomials of second degree in each variable is put to the test."""
 IDENTITY = 1e-12
+FARTHEST_DARK, TOLD_DARK = 40.0, 1e-3
+"""Of wσ: so far a ray has all but come to rest, and so well is it told where it is nearest to that."""
 LAST_STEP = 4 * float(np.finfo(float).eps)
 """A step of so much of σ is the last."""
 
@@ -177,8 +179,8 @@ class LinearRays:
             end[limited] = paths.reaching(limit - beam.optical_path, limited)
         struck, sigma, status = first_met(far, end)
         there = paths.at(sigma)
-        # a ray that comes to rest, where the index vanishes, goes nowhere from there
-        going = np.isfinite(there.optical_path) & there.momentum.any(axis=1)
+        # a ray that comes to where the index vanishes with its slope never comes farther
+        going = np.isfinite(there.optical_path) & ~paths.darkened(np.where(status == RayStatus.MISSED, np.inf, sigma))
         return Arrival(there, struck, np.where(going, status, int(RayStatus.SINGULAR)))
 
     def onward(self, beam: Beam, sigma: np.ndarray, path: np.ndarray) -> tuple[Beam, np.ndarray]:  # noqa: ARG002
@@ -230,6 +232,30 @@ def _parameter(tangent: np.ndarray, turning: float) -> np.ndarray:
     return np.where(tangent < 0, sigma + 2 * np.pi / w, sigma)
 
 
+def _least(terms: Sequence[tuple[float, np.ndarray, np.ndarray]], sigma: np.ndarray) -> np.ndarray:
+    """The least sum (m,) of ae^{2wσ} + be^{-2wσ}, of terms w, a and b (m,), between 0 and ``sigma`` (m,)."""
+    farthest = np.zeros(len(sigma))
+    for w, grows, decays in terms:
+        with np.errstate(divide="ignore"):
+            turn = np.where(decays > 0, np.log(decays / grows) / (4 * w), 0.0)
+        farthest = np.fmax(farthest, np.fmin(turn, FARTHEST_DARK / w))
+    high = np.clip(farthest, 0.0, sigma)
+
+    def sums(at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        parts = [(w, a * np.exp(2 * w * at), b * np.exp(-2 * w * at)) for w, a, b in terms]
+        return (
+            np.sum([up + down for _, up, down in parts], axis=0),
+            np.sum([2 * w * (up - down) for w, up, down in parts], axis=0),
+            np.sum([4 * w**2 * (up + down) for w, up, down in parts], axis=0),
+        )
+
+    def falling(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        _, slope, bend = sums(at)
+        return -slope, -bend  # the sum is convex
+
+    return sums(bracketed_newton(falling, np.zeros_like(high), high, high / 2, absolute=TOLD_DARK)[0])[0]
+
+
 class _Paths:
     """The rays of ``beam`` as functions of σ."""
 
@@ -264,6 +290,30 @@ class _Paths:
     def _motions(self, sigma: np.ndarray) -> dict[float, Motions]:
         with np.errstate(over="ignore", invalid="ignore"):  # rays that go too far out for numbers
             return {float(curvature): motions(float(curvature), sigma) for curvature in set(self.curvatures)}
+
+    def darkened(self, sigma: np.ndarray) -> np.ndarray:
+        """True (m,) for rays that come within ``sigma`` (m,) to where n² vanishes with its slope, to round-off.
+
+        What is looked at is |p|² and, with it, the square of the pull over the curvature, in each principal direction:
+        constant in one in which rays swing, 2(α²e^{2wσ} + β²e^{-2wσ}) in one in which they part.
+        """
+        still, terms = np.zeros(len(sigma)), []
+        for k, curvature in enumerate(self.curvatures):
+            p, pull = self.momentum[:, k], self.pull[:, k]
+            if curvature == 0:
+                still += np.where(pull == 0, p**2, np.inf)
+            elif curvature < 0:
+                still += p**2 - pull**2 / curvature
+            else:
+                w = np.sqrt(curvature)
+                terms.append((w, (p + pull / w) ** 2 / 2, (p - pull / w) ** 2 / 2))
+        limit = DARK * np.sum(self.momentum**2, axis=1)
+        out = still + sum(2 * np.sqrt(grows * decays) for _, grows, decays in terms) <= limit
+        rows = np.flatnonzero(out)
+        if len(rows):
+            least = _least([(w, up[rows], down[rows]) for w, up, down in terms], sigma[rows])
+            out[rows] = still[rows] + least <= limit[rows]
+        return out
 
     def path(self, sigma: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The optical path ∫ |p|² dσ (k,) from the start to ``sigma`` (k,), and its derivative, of the ``rows``."""

@@ -326,6 +326,7 @@ class SwitchedFlow:
         for key, some in _alike(beyond, np.arange(len(rows))):
             here, part, there = rows[some], beam.take(some), self._region(key).field
             out, total = at_surface(part, region.ends[end], region.field, _levelled(region.field, there), mirror=False)
+            total |= _dark(region.field, part.position) & _dark(there, part.position)
             ends.states[here] = packed(out)
             if np.any(total):
                 back = np.flatnonzero(total)
@@ -348,6 +349,12 @@ def _levelled(before: Field, after: Field) -> Callable[[np.ndarray], tuple[np.nd
         return np.where(np.abs(new - old) <= SAME_INDEX * np.abs(old), old, new), gradient, hessian
 
     return squared
+
+
+def _dark(field: Field, position: np.ndarray) -> np.ndarray:
+    """True (m,) where n² on one side of an end is zero, to what is known of the place: no ray passes, all turn back."""
+    squared, slope, _ = field(position)
+    return squared <= ON_END * _size(position) * np.linalg.norm(slope, axis=1)
 
 
 def _size(position: np.ndarray) -> np.ndarray:

@@ -129,6 +129,8 @@ def unpacked(states: np.ndarray, dimension: int) -> Beam:
 
 AT_END = 1e-5
 """Of an optical path: conjugate points so close to the end of a ray on a caustic are the end itself."""
+DARK = 1e-12
+"""Of n² where rays come in: where it is no more, and its slope vanishes with it, no ray passes."""
 STEP_TURN = 0.3
 """How far a ray turns over one step, in radians, by order of magnitude."""
 NOTHING = -1
