@@ -300,3 +300,29 @@ def test_rays_that_small_balls_spread_too_much_for_any_angle_to_meet_a_point_are
         for ray in rays:
             angle = mp.atan2(*map(mp.mpf, ray.tangents[0][::-1]))
             assert off(angle - mp.mpf(2e-15)) * off(angle + mp.mpf(2e-15)) < 0
+
+
+@pytest.mark.parametrize("medium", ["parabolas", "table", "rod", "hollow"])
+def test_rays_that_come_upright_to_a_mirror_where_they_all_but_rest_are_found(medium: str) -> None:
+    """Just below where n² = a + 2 b y + k y² vanishes: rays turn before they come there but for those within 1e-4.
+
+    y'' = b + k y, with the climb y' there as back at y = 0; the receiver is put on one of them.
+    """
+    dark, a, b, k = {"rod": (2.0, 2.0, 0.0, -0.5), "hollow": (2 / 3, 1.0, -1.0, 0.75)}.get(
+        medium, (1.0, 1.0, -0.5, 0.0)
+    )
+    wall, across = dark * (1 - 1e-8), 2e-5
+    climb, left, w = np.sqrt(a - across**2), np.sqrt(a + 2 * b * wall + k * wall**2 - across**2), np.sqrt(abs(k))
+    if medium == "rod":
+        sigma = np.arcsin(w * wall / climb) / w
+    elif medium == "hollow":
+        sigma = np.log((left + w * (wall + b / k)) / (climb + w * b / k)) / w
+    else:
+        sigma = (climb - left) / -b
+    index: optics.Medium = optics.Stratified(lambda y: ca.sqrt(a + 2 * b * y + k * y**2))
+    if medium == "table":
+        heights = np.array([-20.0, -4.0, -1.0, dark - 1e-13])
+        index = optics.Tabulated(heights, np.sqrt(a + 2 * b * heights), smooth=False)
+    mirror = optics.Plane((0, wall), (0, 1), mirror=True)
+    rays = optics.Scene(index, mirror).rays((0, 0), (2 * across * sigma, 0))
+    assert min((abs(ray.tangents[0][0] - across / np.sqrt(a)) for ray in rays), default=1.0) < 1e-9

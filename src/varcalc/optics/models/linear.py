@@ -208,6 +208,47 @@ class LinearRays:
         values, directions = np.linalg.eigh(matrix)
         return values, directions, pull
 
+    def least(self, beam: Beam, number: int, *, leaving: bool) -> tuple[np.ndarray, np.ndarray]:
+        """How closely rays of the plane pass surface ``number``: (m, 2) and, where it grows exponentially, (m, 2).
+
+        The first is the level where it is least ahead of them, seen from their side, and its derivative by the
+        launching angle: negative where the level falls for ever, its slope where that never changes, and not numbers
+        for rays ``leaving`` the surface. The second is the factor by which the level grows at last.
+        """
+        turning, none = self._known[number][0], np.full((len(beam), 2), np.nan)
+        table = self._rates[number](len(beam), beam.position, beam.momentum, beam.moved[:, 0], beam.turned[:, 0])
+        side = np.where(table[:, 1 if leaving else 0] < 0, -1.0, 1.0)
+        level, slope, bend = (side[:, None] * table[:, [k, k + 3]] for k in range(3))
+        w, at_last = np.sqrt(abs(turning)), none
+        if turning > 0:
+            at_last = w * slope + bend
+        if leaving:
+            return none, at_last
+        (A, B), ever = (slope[:, 0], bend[:, 0]), np.zeros(len(beam), dtype=bool)
+        with np.errstate(all="ignore"):
+            if turning < 0:
+                sigma = np.mod(np.arctan2(-w * A, B), 2 * np.pi) / w
+            else:
+                sigma = np.fmax(np.arctanh(-w * A / B) / w if turning else -A / B, 0.0)
+                ever = at_last[:, 0] < 0 if turning else B < 0
+        f = motions(turning, np.where(np.isfinite(sigma), sigma, 0.0))
+        least = np.where(ever[:, None], [-1.0, 0.0], level + slope * f.first[:, None] + bend * f.second[:, None])
+        return np.where((turning == 0) & ~bend.any(axis=1, keepdims=True), slope, least), at_last
+
+    @cached_property
+    def _rates(self) -> list[PointEvaluator]:
+        """The level of each surface and its first two derivatives by σ, and the derivatives of these by a deviation."""
+        r, p, moved, turned = (ca.SX.sym(name, self.dimension) for name in ("r", "p", "m", "t"))
+        state, pull, told = ca.vertcat(r, p), ca.gradient(self.medium.squared_index(r), r) / 2, []
+        for geometry in self.surfaces:
+            level = ca.SX(geometry.surface.level(r))
+            slope = ca.jtimes(level, r, p)
+            levels = ca.vertcat(level, slope, ca.jtimes(slope, state, ca.vertcat(p, pull)))
+            rates = ca.jtimes(levels, state, ca.vertcat(moved, turned))
+            outputs = [ca.densify(levels), ca.densify(rates)]
+            told.append(PointEvaluator(ca.Function("rates", [r, p, moved, turned], outputs)))
+        return told
+
     @cached_property
     def _known(self) -> list[tuple[float, PointEvaluator]]:
         """The ratio of each surface, and its levels along rays."""

@@ -1,8 +1,8 @@
 """How closely rays of the plane pass surfaces, which says whether one between two neighbours meets them.
 
-Straight rays pass planes and conics as polynomials of second degree tell. Other surfaces, and rays that are integrated,
-are followed step by step to where the level is least, and where that is close to zero they are carried there anew, by
-their model.
+Straight rays pass planes and conics as polynomials of second degree tell, and those of the linear ray equation as the
+like of these. Other surfaces, and other rays, are followed step by step to where the level is least, and where that is
+close to zero they are carried there anew, by their model.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from varcalc.numerics.roots import bracketed_newton
 from varcalc.optics.media.medium import Field
-from varcalc.optics.models.hamilton import HamiltonRays
+from varcalc.optics.models.linear import LinearRays
 from varcalc.optics.models.model import Carrier
 from varcalc.optics.models.straight import StraightRays
 from varcalc.optics.rays.beam import Beam, Rows, moved_on, paced
@@ -51,9 +51,9 @@ def passing(
 
     In units of the level, seen from the side of the rays, up to the optical path ``limit`` (m,): where it is least for
     the first time, and the least later on, before they go through, and the least on the other side, for rays that go
-    on as if there were no surface. One number tells all of straight rays, where all levels are of second degree. Not
-    numbers where there is none, and in media whose bent rays are known in closed form.
-    ``leaving`` is the surface all start from.
+    on as if there were no surface. One number tells all of straight rays, where all levels are of second degree, and
+    one or two of those of the linear ray equation. Not numbers where there is none. ``leaving`` is the surface all
+    start from.
 
     Of rays that are followed only that is told which may let others through between two: of those that come to the
     surface which stands next in the scene, how they pass all on their way there, of others how they pass that one, and
@@ -66,6 +66,10 @@ def passing(
             past.go(np.where(met.comes, met.path, limit))
             past.carry_close(model, beam)
             return past.told
+    elif isinstance(model, LinearRays):
+        for number in range(len(surfaces)):
+            least, at_last = model.least(beam, number, leaving=number == leaving)
+            out[:, number, AT_FIRST], out[:, number, LATER] = least, at_last
     elif isinstance(model, StraightRays):
         for number, geometry in enumerate(surfaces):
             if number != leaving:
@@ -77,7 +81,7 @@ def followed_past(model: Carrier, surfaces: Sequence[Geometry]) -> bool:
     """Whether rays are followed past surfaces, since no formula tells how closely they pass these."""
     if isinstance(model, StraightRays):
         return not all(geometry.quadric for geometry in surfaces)
-    return isinstance(model, HamiltonRays) and bool(surfaces)
+    return not isinstance(model, LinearRays) and bool(surfaces)
 
 
 @dataclass(frozen=True)
