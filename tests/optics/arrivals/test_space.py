@@ -241,3 +241,13 @@ def test_no_ray_goes_through_a_medium_where_the_index_is_negative():
     ends = scene.trace((0, 0, -1), [(1, 0, 0.5), (5, 0, 1), (60, 0, 1)], optical_path=70.0)
     statuses = [optics.RayStatus.ARRIVED, optics.RayStatus.TOTAL_REFLECTION, optics.RayStatus.SINGULAR]
     assert [optics.RayStatus(code) for code in ends.status] == statuses
+
+
+def test_rays_to_a_second_ball_that_none_of_the_directions_comes_to_are_not_called_none() -> None:
+    """By two convex mirrors that do not hide each other there is one ray, within some 1e-4 of the directions."""
+    mirrors = [
+        optics.Sphere((0.9, 1.5, 0.0), 0.03, mirror=True),
+        optics.Sphere((-0.9, -1.5, 0.6), 0.07, mirror=True),
+    ]
+    rays = optics.Scene(optics.Uniform(1.0), mirrors).rays((-2, 0.1, 0.3), (2, -0.2, 0.1))
+    assert len(rays) == 1 or (rays.unresolved > 0 and "none of them comes to surface 1" in rays.searched)

@@ -284,13 +284,15 @@ class TwoPoint:
             every = np.zeros(len(met), dtype=int)
             built = self.built(ends.take(every + k), met.heading, met.path, met.touching)
             rays = [ray for ray, miss in built if ray is not None and miss <= MEETS]
-            unresolved = one.unresolved + int(fan.given_up) + int(stage.stopped)
+            unresolved = one.unresolved + int(fan.given_up) + int(fan.unlit) + int(stage.stopped)
             unresolved += sum(ray is not None and miss > MEETS for ray, miss in built)
             searched = (
                 f"all directions of space ({fan.looked_at} looked at, {unresolved} "
                 f"narrow cells left unresolved{', ' if fan.resolution else ''}{fan.resolution}), "
                 f"optical paths up to {ends.within[k]:.6g}, no farther than {far[k]:.6g} from B"
             )
+            if fan.unlit:
+                searched += f"; none of them comes to surface {fan.farthest}, to which narrower windows may lead"
             searched += _incomplete(one, stage)
             answers.append(_told(rays, fan.ends, fan.entered, searched, one.continuum, unresolved))
         return answers

@@ -82,6 +82,8 @@ class SpaceFan:
     entered: int = 0
     given_up: bool = False
     """Whether rays took more steps than are allowed, or came through too many pieces of the index."""
+    farthest: int = 0
+    """How many surfaces of the scene the ray has come to that came to most of them."""
 
     def __post_init__(self) -> None:
         self._looking, self._moving = searching(self.stage, self.pairs), searching(self.stage, self.pairs)
@@ -101,6 +103,7 @@ class SpaceFan:
             beam, np.full(len(face), self.bounds.path), Watch(self.stage, MOST_SEARCHED)
         )
         beam, alive = rays.beam, rays.alive
+        self.farthest = max(self.farthest, int(rays.met.max(initial=0)))
         self.ends.update(RayStatus(int(code)) for code in rays.status[~alive])
         self.entered += int(np.sum(alive))
         return _states(beam.known(alive & np.all(np.isfinite(beam.moved), axis=(1, 2))))
@@ -233,6 +236,11 @@ class SpaceFan:
         parting = self.propagator.surfaces or self._looks == MORE_LOOKS
         what = "surfaces and jumps" if parting else "what bends rays and is"
         return f"{what} seen under more than {degrees:.2g}°" if self._looks > 1 else ""
+
+    @property
+    def unlit(self) -> bool:
+        """Whether no ray comes from one surface to the next, which those between may do that are not looked at."""
+        return 0 < self.farthest < len(self.propagator.surfaces)
 
     @property
     def slow(self) -> bool:
