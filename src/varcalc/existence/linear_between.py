@@ -182,12 +182,13 @@ class _LeastPath:
         for piece in np.flatnonzero(np.abs(rises) > OFF_EQUATION):
             if self._at_given_end(piece) if piece in (0, len(rises) - 1) else self._between_wells(piece):
                 step, sign = self.levels[1] - self.levels[0], self.kink.problem.sign
+                value = sign * (self.value - self._at_end_alone(piece))
                 sentence = (
                     f"the {'infimum' if sign > 0 else 'supremum'} is not attained: graphs that are ever steeper near "
                     f"x = {self.x[piece + (piece > 0)]:.6g}, where the best curve jumps by about "
-                    f"{rises[piece] * step:.3g}, come as near as one likes to about {sign * self.value:.3g}"
+                    f"{rises[piece] * step:.3g}, come as near as one likes to about {value:.3g}"
                 )
-                return Finding(Verdict.NOT_ATTAINED, sentence, {"limit": sign * self.value})
+                return Finding(Verdict.NOT_ATTAINED, sentence, {"limit": value})
         return None
 
     def _at_given_end(self, piece: int) -> bool:
@@ -197,6 +198,15 @@ class _LeastPath:
         side, step = int(way * rise > 0), self.levels[1] - self.levels[0]
         along = self.kink.along(self.x[[at]], self.levels[self.chosen[at]])[:, 0]
         return end.fixed and -math.copysign(1.0, rise) * along[2 + side] > OFF_EQUATION * step * abs(along[4 + side])
+
+    def _at_end_alone(self, piece: int) -> float:
+        """What is summed of L at a given end that the path leaves at once, where a jump has no width."""
+        if 0 < piece < len(self.x) - 2:
+            return 0.0
+        at = 0 if piece == 0 else -1
+        ordinates = self.levels[self.chosen[[piece, piece + 1]]] + self.kink.slope * self.x[at]
+        there, beside = self.kink.summed(np.repeat(self.x[at], 2), ordinates)[0][:: 1 if piece == 0 else -1]
+        return float(0.5 * (self.x[1] - self.x[0]) * (there - beside))
 
     def _between_wells(self, piece: int) -> bool:
         """Whether it leads across a hill: where L bends upwards a jump pays nowhere but at a given end."""

@@ -50,6 +50,8 @@ from varcalc.verify.slopes import vouched
 
 FINER_DEGREE = 8
 """Degree at most with which a finer mesh is begun."""
+FEW_UNKNOWNS = 400
+"""Unknowns up to which it is begun with the degree of the known curve, which is one of its own then."""
 FEW_STARTS = 2
 """Curves from which an answer is looked for first where it is not known that there is one."""
 CONCLUSIVE = {Verdict.NOT_ATTAINED, Verdict.DEGENERATE, Verdict.INFEASIBLE}
@@ -63,6 +65,8 @@ CLOSER_MESHES, LARGE_MESH = 6, 100_000
 """Times that a problem is solved anew on a mesh that sees what lay between the points of the one before, and unknowns
 from which on a mesh that led to no answer is made no finer.
 """
+WORTH = 0.1
+"""Share of the tolerance that what lies between the points of an answer may come to, all together."""
 MOST_MARKS = 10_000
 """Elements for which no problem is solved anew: what asks for so many varies everywhere."""
 
@@ -540,7 +544,8 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
 
     What was not found is looked for again where it was a feature between the points that stood in the way.
     """
-    missed = unseen(solution)
+    worth = WORTH * tol * max(1.0, abs(solution.value))
+    missed = unseen(solution, worth)
     for _ in range(CLOSER_MESHES):
         if missed is None:
             return solution
@@ -557,12 +562,19 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
         if not lasting or again.extremal is None:
             why = NO_LENGTH if not lasting else f"on a mesh that can there was no answer: {again.message}"
             return replace(solution, status=Status.NOT_CONVERGED, message=f"{missed.sentence}, and {why}")
-        if _agree(solution, again):
-            return solution  # nothing was there after all, and the first mesh has more digits
+        if (kept := _kept(solution, again, worth)) is not None:
+            return kept
         solution, form = again, again.extremal.form
         hopeless = not solution.status.ok and solution.stats.unknowns > LARGE_MESH
-        missed = None if solution.verdict is not None or hopeless else unseen(solution)
+        missed = None if solution.verdict is not None or hopeless else unseen(solution, worth)
     return _refused_for(missed, solution)
+
+
+def _kept(solution: Solution, again: Solution, worth: float) -> Solution | None:
+    """Which of two answers to keep where what the first did not see has moved nothing; None where it has."""
+    if _agree(solution, again):
+        return solution  # the first mesh has more digits
+    return again if again.status.ok and abs(again.value - solution.value) <= worth else None
 
 
 def _agree(first: Solution, second: Solution) -> bool:
@@ -579,7 +591,10 @@ def _on_finer_mesh(method: Method, form: Form, solution: Solution, missed: Unsee
     form = form.on_mesh([*vertices[1:-1].tolist(), *missed.marks.tolist()])
     finer = method
     if isinstance(method, Ritz):
-        degree = min(solution.stats.degree, FINER_DEGREE) if method.refine and method.degree is None else method.degree
+        degree = solution.stats.degree
+        if len(form.conditions.knots) * degree > FEW_UNKNOWNS:
+            degree = min(degree, FINER_DEGREE)
+        degree = degree if method.refine and method.degree is None else method.degree
         # where the curve is no answer others may lead to one
         starts = min(method.starts, FINER_STARTS) if solution.status.ok else method.starts
         finer = replace(method, degree=degree, starts=starts)

@@ -40,6 +40,8 @@ BEYOND_ENDS = 0.1
 """By what share of their difference a curve may leave the range of two neighbouring samples."""
 AN_ELEMENT = 3.0
 """By how many times more than is gentle something may vary from the middle of an element."""
+BESIDE_EDGE, STIFF = 0.05, 10.0
+"""Share of s beside an end that may be edged, and by what factor L_y'y' grows there."""
 NARROWEST = 1e-9
 """Width of a box, relative to the interval, that is not looked into."""
 MOST_BOXES = 300_000
@@ -89,11 +91,12 @@ class Unseen:
         return f"near x = {self.place:.9g} L or a constraint varies faster than the points of the mesh can tell"
 
 
-def unseen(solution: Solution) -> Unseen | None:
+def unseen(solution: Solution, worth: float = 0.0) -> Unseen | None:
     """What the samples of a solution's curve may have missed; None where nothing lies between them.
 
     A bound may vary as it likes where the curve keeps it. A curve that is no answer may be steep: what roots and
-    reciprocals make of it says nothing.
+    reciprocals make of it says nothing. Of an answer, what they
+    make of a slope that ends at the edge of the domain of L is left alone where it is no more than it is ``worth``.
     """
     extremal, problem = solution.extremal, solution.problem
     if problem.symbols.kind is not ca.SX or (problem.order == 2 and any(problem.slides)):
@@ -102,7 +105,8 @@ def unseen(solution: Solution) -> Unseen | None:
         return None
     if not solution.status.ok:
         return _in_integrals(extremal, LOCAL, everywhere=True)
-    return _in_integrals(extremal, VARYING, everywhere=False) or _beyond_bounds(extremal) or _torn(solution)
+    inside = _in_integrals(extremal, VARYING, everywhere=False, worth=worth)
+    return inside or _beyond_bounds(extremal) or _torn(solution)
 
 
 def unseen_where_broken(solution: Solution) -> Unseen | None:
@@ -178,8 +182,8 @@ def balanced(solution: Solution, missed: Unseen) -> bool:
     return residual(along_curve(undivided(finer, solution.value))) <= BALANCED
 
 
-def _in_integrals(extremal: Extremal, rules: Rules, *, everywhere: bool) -> Unseen | None:
-    looked = _looked(extremal, integrals(extremal.form.problem), rules, everywhere=everywhere)
+def _in_integrals(extremal: Extremal, rules: Rules, *, everywhere: bool, worth: float = 0.0) -> Unseen | None:
+    looked = _looked(extremal, integrals(extremal.form.problem), rules, everywhere=everywhere, worth=worth)
     return None if looked is None or not len(looked[0]) else Unseen(looked[0], float(looked[2]))
 
 
@@ -243,11 +247,11 @@ def _torn(solution: Solution) -> Unseen | None:
 
 
 def _looked(
-    extremal: Extremal, function: ca.Function, rules: Rules, *, everywhere: bool
+    extremal: Extremal, function: ca.Function, rules: Rules, *, everywhere: bool, worth: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
     """Marks in s that a mesh needs for a function, the edges of all boxes looked at, and the x of the worst.
 
-    None where nothing may hide; what varies ``everywhere`` is marked even so.
+    None where nothing may hide; what varies ``everywhere`` is marked even so. See :func:`unseen` for its ``worth``.
     """
     if gentle(function, rules):
         return None
@@ -263,12 +267,17 @@ def _looked(
         return None
     place = float(points[0, np.argmax(over)])
     marks, seen = [np.zeros(0)], [s]
+    edge = _edged(extremal, s, points) if worth > 0.0 else np.zeros((0, 2))
     narrowest = NARROWEST * (extremal.form.span[1] - extremal.form.span[0])
     while 0 < len(low) <= MOST_BOXES:
         middle = 0.5 * (low + high)
         halfway = _points(extremal, middle)
         over = _excess(extremal, function, rules, first, last, halfway, halfway)
         varies = (over > 1.0) & (high - low > narrowest)
+        beside = varies & np.any((low >= edge[:, :1]) & (high <= edge[:, 1:]), axis=0)
+        if beside.any():
+            around = first[:, beside], last[:, beside], halfway[:, beside]
+            varies[beside] = ~_worthless(extremal, function, worth, *around)
         marks.append(middle[varies & (over > AN_ELEMENT)])
         seen.append(middle[varies])
         low, high, middle = low[varies], high[varies], middle[varies]
@@ -276,6 +285,41 @@ def _looked(
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         first, last = np.hstack([first, halfway]), np.hstack([halfway, last])
     return np.concatenate(marks), np.unique(np.concatenate(seen)), place
+
+
+def _edged(extremal: Extremal, s: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Stretches of s (ends, 2) beside ends toward which L_y'y' grows without bound: a slope ends at an edge there."""
+    problem, room = extremal.form.problem, BESIDE_EDGE * (s[-1] - s[0])
+    if not isinstance(problem, Problem) or problem.order > 1:
+        return np.zeros((0, 2))
+    with np.errstate(all="ignore"):
+        stiffness = np.abs(np.asarray(_stiffness(problem)(*_arguments(extremal, points)))).ravel()
+    away = np.clip(np.searchsorted(s, [s[0] + room, s[-1] - room]) - [0, 1], 1, len(s) - 2)
+    stiff = ~(stiffness[[1, -2]] <= STIFF * stiffness[away])
+    return np.array([[s[0], s[0] + room], [s[-1] - room, s[-1]]])[stiff]
+
+
+@derived
+def _stiffness(problem: Problem) -> ca.Function:
+    """The sum of the second derivatives of L in each slope."""
+    second = ca.trace(ca.densify(ca.hessian(problem.integrand, problem.symbols.dy)[0]))
+    return ca.Function("stiffness", problem.symbols.all, [second])
+
+
+def _worthless(extremal: Extremal, function: ca.Function, worth: float, *points: np.ndarray) -> np.ndarray:
+    """Between which of three points (rows, m) of a curve nothing but powers varies, and by no more than it is worth.
+
+    Next to an edge of its domain L is so curved in the slope that nothing else moves the curve there. A level counts
+    with its multiplier.
+    """
+    weights = np.array([1.0, *np.abs(extremal.lambdas)])
+    with np.errstate(all="ignore"):
+        known = (np.asarray(ca.vertcat(*function.call(_arguments(extremal, p)))) for p in points)
+        values = np.array([weights @ rows[: len(weights)] for rows in known])
+    values = np.where(np.isfinite(values), values, np.nan)  # of a slope that round-off carries over the edge
+    spread = np.nan_to_num(np.fmax.reduce(values) - np.fmin.reduce(values))
+    local = _excess(extremal, function, LOCAL, *points, points[2]) > 1.0
+    return ~local & (spread * np.abs(points[1][0] - points[0][0]) <= worth)
 
 
 def _samples(extremal: Extremal) -> tuple[np.ndarray, np.ndarray]:

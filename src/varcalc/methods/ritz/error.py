@@ -26,6 +26,7 @@ from varcalc.formulation import Reported
 from varcalc.formulation.height import FLAT, flat
 from varcalc.methods.ritz.elements import stiff
 from varcalc.methods.ritz.newton import SQUARED_ROUND_OFF, NullSpace, Step, newton_step
+from varcalc.methods.ritz.starts import toward_baseline
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.mesh import gauss
 from varcalc.numerics.stacked import positive
@@ -152,6 +153,8 @@ class Estimate(NewtonEstimate):
     step: Step | None
     shares: np.ndarray
     solved: Rung | None = None
+    moved_back: bool = False
+    """Whether ``z`` is no longer the rung's curve, but one next to it inside the domain of L."""
 
     @property
     def suspect(self) -> bool:
@@ -184,6 +187,9 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
         return _by_solving(rungs, rung, system, z, previous)
     at = system.evaluate(z)
     step = newton_step(system, at, rung.multipliers)
+    if step is None and not math.isfinite(at.value + at.gradient.sum()):
+        # between the points of the poorer rule the curve has left the domain of L
+        return _by_solving(rungs, rung, system, z, previous)
     if step is None:
         return "the Newton step in the richer space is not defined (degenerate Hessian)"
     found = correction(system, z, at, step.change, step.multipliers, step.decrement, rung.value)
@@ -250,7 +256,9 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     unit = (
         0.5 / value if rungs.form.coordinates.energetic and value > 0 else 1.0
     )  # the energy is the square of the value
-    error = unit * SAFETY * float(abs(richer.value - system.evaluate(z).value) + abs(richer.value - rung.value))
+    before = system.evaluate(z).value
+    changes = (richer.value - before if math.isfinite(before) else 0.0), richer.value - rung.value
+    error = unit * SAFETY * float(np.abs(changes).sum())
     # what the values of two curves differ by that are one to round-off is round-off
     same = found.curve <= UNMOVED_CURVE * float(np.abs(at.variables[:, : system.n]).max())
     if math.isfinite(previous) and not same and (rungs.inequalities or not rungs.form.coordinates.corners):
@@ -271,21 +279,33 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
 def settled(found: Estimate) -> Estimate | str:
     """The estimate with its value by a rule that resolves the integrand of the trial curve.
 
-    A value by a rule that does not may lie below the minimum.
+    A value by a rule that does not may lie below the minimum. A curve that leaves the domain of L between the points of
+    the rule, where its slope ends at an edge, is moved back by what it takes.
     """
+    change = _change(found, found.z, found.integrand)
+    if math.isfinite(change):
+        return found if change == 0.0 else replace(found, value=found.value + change, error=found.error + abs(change))
+    if not len(found.system.levels):
+        for z in toward_baseline(found.system, found.z):
+            there = found.system.reported(found.system.evaluate(z)).integrand
+            change = _change(found, z, there) + float(found.system.weights @ (there - found.integrand))
+            if math.isfinite(change):
+                error = found.error + abs(change)
+                return replace(found, z=z, value=found.value + change, error=error, moved_back=True)
+    return "the functional is not a number on the trial curve between the points of its rule"
+
+
+def _change(found: Estimate, z: np.ndarray, integrand: np.ndarray) -> float:
+    """What the rule misses of the functional of a curve ``z`` with this ``integrand``; no number off the domain."""
     system, levels = found.system, found.miss[: len(found.system.levels)]
 
     def sampled(s: np.ndarray) -> np.ndarray:
-        source, variables = system.integrands_at(s), system.along(found.z, s)
+        source, variables = system.integrands_at(s), system.along(z, s)
         same = system.form.same_functional
         values = source.values(variables)[:, 0] if same else source.reported(variables).integrand
         return values + source.values(variables)[:, 1:] @ levels if len(levels) else values
 
-    samples = found.integrand.reshape(system.space.elements, -1)
-    change = shortfall(sampled, system.space.vertices, samples, found.scale)
-    if not math.isfinite(change):
-        return "the functional is not a number on the trial curve between the points of its rule"
-    return found if change == 0.0 else replace(found, value=found.value + change, error=found.error + abs(change))
+    return shortfall(sampled, system.space.vertices, integrand.reshape(system.space.elements, -1), found.scale)
 
 
 def _shares(rungs: Rungs, system: RitzSystem, change: np.ndarray) -> np.ndarray:

@@ -25,9 +25,9 @@ from varcalc.methods.ritz.error import CURVE, Estimate, estimate, settled
 from varcalc.methods.ritz.held_ends import held_ends, holds_free_ends
 from varcalc.methods.ritz.ipopt import Ipopt, optimise
 from varcalc.methods.ritz.layers import cuts, hidden, layered
-from varcalc.methods.ritz.newton import NO_NUMBER, Newton, load, minimise
+from varcalc.methods.ritz.newton import NO_NUMBER, Descent, Newton, edge_met, load, minimise
 from varcalc.methods.ritz.slack import kept, without_inequalities
-from varcalc.methods.ritz.starts import COMPARED, bent_anyhow, clear_of_bounds, meeting_levels
+from varcalc.methods.ritz.starts import COMPARED, bent_anyhow, clear_of_bounds, meeting_levels, toward_baseline
 from varcalc.methods.ritz.steepest import (
     FOUND,
     NEARLY_FOUND,
@@ -357,21 +357,40 @@ class Rungs:
         following = self.system(richer)
         return following, following.pack(coefficients, system.unknowns(z))
 
-    def optimise(self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, *, known: bool = True) -> Rung | str:
-        """A minimum near ``z``, or why there is none; ``known`` says that z is one in another space."""
+    def optimise(
+        self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, *, known: bool = True, near: bool = False
+    ) -> Rung | str:
+        """A minimum near ``z``, or why there is none; ``known`` says that z is one in another space.
+
+        From a curve that is one, or ``near`` one, and off the domain of L, Newton's iteration begins just inside.
+        """
         if self.iterations > self.most:
             return f"{self.iterations} iterations led to no minimum"
         path: dict[Any, Any] = {}
         if isinstance(self.optimiser, Ipopt):
             outcome, path = optimise(system, z, multipliers, self.optimiser, known=known)
         else:
-            outcome = minimise(system, z, multipliers, self.optimiser, self.tol)
+            outcome = self._minimised(system, z, multipliers, self.optimiser, near=known or near)
         self.iterations += outcome.iterations
         if outcome.reason:
             return outcome.reason
         along = {k: v for k, v in path.items() if isinstance(k, int)}
         levels = {k[1]: v for k, v in path.items() if isinstance(k, tuple)}
         return Rung(system, outcome.z, outcome.multipliers, outcome.value, along, levels, outcome.gap)
+
+    def _minimised(
+        self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton, *, near: bool
+    ) -> Descent:
+        """Where Newton's iteration ends; where the domain of L has an edge in its way, it is taken along that."""
+        outcome = minimise(system, z, multipliers, newton, self.tol)
+        if outcome.reason == NO_NUMBER and near:
+            for inside in toward_baseline(system, z):
+                outcome = minimise(system, inside, multipliers, newton, self.tol, edged=True)
+                if outcome.reason != NO_NUMBER:
+                    break
+        elif outcome.reason and outcome.iterations and edge_met(system, system.evaluate(outcome.z)):
+            outcome = minimise(system, z, multipliers, newton, self.tol, edged=True)
+        return outcome
 
     def start(self, space: Space, guess: Sampled | None) -> Rung | str:
         """The lowest of the minima in ``space`` that the first starting curves lead to."""
@@ -384,7 +403,8 @@ class Rungs:
         wanted += guess is not None and wanted < COMPARED and len(bent) > 0
         found = 0
         for tried, z in enumerate(self.candidates(system, guess, bent), start=1):
-            rung = self.optimise(system, z, np.zeros(conditions), known=False)
+            given = guess is not None and tried == 1
+            rung = self.optimise(system, z, np.zeros(conditions), known=False, near=given)
             if isinstance(rung, str):
                 reasons.append(rung)
             else:
@@ -633,7 +653,7 @@ class _Climb:
 
     def report(self, rung: Rung, found: Estimate, reason: str) -> Solution:
         """The answer of a rung with its estimated error, and the ``reason`` where it falls short of the tolerance."""
-        if self.rungs.constrained:  # the richer problem has been solved: give that answer
+        if found.solved is not None or found.moved_back:  # the answer is what was found in the richer space
             rung = replace(rung, system=found.system, z=found.z)
         space: Space = rung.system.space
         value, error = float(found.value), float(found.error + found.floor)

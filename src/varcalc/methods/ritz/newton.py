@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -72,6 +72,10 @@ ROUND_OFF = 1e-14
 """The same where the factorisation went through: a small eigenvalue may be true, and its step needed whole."""
 SHIFT = -1.5
 """Multiple of the lowest eigenvalue by which a Hessian is shifted that is not positive."""
+AT_EDGE = 1e10
+"""Factor by which L_y'y' is greater than its median at an edge of the domain of L."""
+STIFFENINGS, STIFFER = 12, 4.0
+"""Times that a step is stiffened where it leaves the domain of L, and by what factor."""
 DEPENDENT = 1e-13
 """Share of the largest gradient of a condition by which another has to differ from it."""
 MANY_ITERATIONS, FEW_HALVINGS = 20, 6
@@ -332,16 +336,19 @@ def lowest_eigenvalue(matrix: np.ndarray, metric: np.ndarray) -> float:
         return math.nan
 
 
-def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton, tol: float = 0.0) -> Descent:
-    """Iterate from ``z`` to a minimum of the discretised functional, good enough for a value to the tolerance."""
+def minimise(
+    system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton, tol: float = 0.0, *, edged: bool = False
+) -> Descent:
+    """Iterate from ``z`` to a minimum of the discretised functional, good enough for a value to the tolerance.
+
+    Where the domain of L is ``edged`` next to the minimum, the last step is not taken blindly.
+    """
     at = system.evaluate(z)
     if not _finite(at):
         return Descent(z, multipliers, at.value, 0, NO_NUMBER)
-    if len(multipliers) and not multipliers.any():
-        multipliers = first_multipliers(at)
+    multipliers = first_multipliers(at) if len(multipliers) and not multipliers.any() else multipliers
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
-    # conditions have to be met whatever the tolerance of the value
-    last = CONVERGED if len(at.conditions) else min(max(CONVERGED, (ENOUGH * tol) ** (2 / 3)), NEARBY)
+    enough = _enough(at, tol, edged=edged)
     begun, largest, direct, before = at.scale, at.scale, True, 0.0
     for iteration in range(1, newton.iterations + 1):
         step = newton_step(system, at, multipliers)
@@ -351,15 +358,16 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
         # along a zero mode the functional need not stop falling, however large its terms become
         decrement = _decrement(system, at, step, largest, begun if math.isinf(step.compliance) else math.inf)
         late = iteration > EXPECTED
-        quick = decrement <= min(last, QUICK * before)
-        crawls = decrement > max(CRAWLING * before, NO_DECREMENT) and before > 0.0
-        if quick or (decrement <= CONVERGED and not crawls) or (late and _is_round_off(system, at, step, decrement)):
-            return _ended(system, z, at, step, iteration, direct=direct)
+        step = _within_edges(system, z, at, step) if edged else step
+        if _converged(decrement, before, *enough) or (late and _is_round_off(system, at, step, decrement)):
+            ended = _ended(system, z, at, step, iteration, direct=direct, edged=edged)
+            if math.isfinite(ended.value):
+                return ended
         following = _search(system, z, at, step, guarded)
         if following is None:
             nothing_left = decrement <= STAGNATED or _is_round_off(system, at, step, decrement)
             reason = _unmet(system, at) if nothing_left else "no step along the Newton direction descends"
-            return Descent(z, multipliers, at.value, iteration, reason)
+            return Descent(z, multipliers, at.value, iteration, reason, gap=edged * step.decrement)
         (z, at, whole), before = following, decrement
         direct = direct and whole and step.definite
         if iteration <= SETTLING:
@@ -369,8 +377,49 @@ def minimise(system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton:
     return Descent(z, multipliers, at.value, newton.iterations, f"no convergence within {newton.iterations} iterations")
 
 
-def _ended(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, iteration: int, *, direct: bool) -> Descent:
-    """The end of an iteration one full step from ``z``."""
+def _enough(at: Evaluation, tol: float, *, edged: bool) -> tuple[float, float]:
+    """The relative decrement that ends an iteration, and the one that does where it is reached quickly."""
+    if edged:  # no quadratic model is good there
+        return NO_DECREMENT, NO_DECREMENT
+    # conditions have to be met whatever the tolerance of the value
+    return CONVERGED, CONVERGED if len(at.conditions) else min(max(CONVERGED, (ENOUGH * tol) ** (2 / 3)), NEARBY)
+
+
+def _converged(decrement: float, before: float, enough: float, quickly: float) -> bool:
+    """Whether a relative decrement is ``enough``, or fell ``quickly`` enough from the one before."""
+    crawls = decrement > max(CRAWLING * before, NO_DECREMENT) and before > 0.0
+    return decrement <= min(quickly, QUICK * before) or (decrement <= enough and not crawls)
+
+
+def edge_met(system: RitzSystem, at: Evaluation) -> bool:
+    """Whether a curve has run into an edge of the domain of L: somewhere L is far more curved in a slope than usual."""
+    stiffness = np.abs(at.hessians[:, 0, system.top, system.top].diagonal(0, 1, 2)).max(1)
+    return not bool(stiffness.max() <= AT_EDGE * np.median(stiffness))
+
+
+def _within_edges(system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step) -> Step:
+    """The step, stiffened at the points at which it would leave the domain of L, so that it is whole at all others."""
+    hessians = at.hessians
+    for _ in range(STIFFENINGS):
+        there = system.evaluate(z + step.change)
+        beyond = ~np.isfinite(there.integrands.sum(-1) + there.hessians.sum((-3, -2, -1)))
+        if not beyond.any():
+            break
+        hessians = np.where(beyond[:, None, None, None], STIFFER * hessians, hessians)
+        shorter = newton_step(system, replace(at, hessians=hessians), step.multipliers)
+        if shorter is None:
+            break
+        step = replace(shorter, decrement=step.decrement, shift=step.shift)
+    return step
+
+
+def _ended(
+    system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, iteration: int, *, direct: bool, edged: bool
+) -> Descent:
+    """The end of an iteration one full step from ``z``, its value no number where that leads over an edge."""
+    if edged:
+        last = system.evaluate(z + step.change)
+        return Descent(z + step.change, step.multipliers, last.value, iteration, _unmet(system, last), direct)
     if not len(at.conditions):  # the quadratic model is as good as another evaluation
         return Descent(z + step.change, step.multipliers, at.value - step.decrement, iteration, "", direct)
     last = system.evaluate(z + step.change)
@@ -390,7 +439,10 @@ def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float, m
     scale = min(max(at.scale, VANISHING * largest), most or math.inf)
     if len(at.conditions):
         scale += float(np.abs(step.multipliers) @ system.sizes(at))
-    return step.decrement / scale if scale > 0 else 0.0
+    if scale > 0:
+        return step.decrement / scale
+    # a functional that is zero all along has no size of its own, and a gradient even so
+    return 0.0 if _is_round_off(system, at, step, step.decrement) else math.inf
 
 
 def _is_round_off(system: RitzSystem, at: Evaluation, step: Step, decrement: float) -> bool:

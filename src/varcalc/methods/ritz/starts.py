@@ -37,6 +37,8 @@ STRETCHES = np.geomspace(0.3, 3.0, 8)
 """Heights of bends between two, in units of theirs."""
 TURNS = np.arange(1, 6) / 6
 """Where bends between two are looked at, as shares of the way."""
+BACK = 4.0 ** np.arange(-20, 0)
+"""Shares of the way to the baseline at which a curve may have come back to the domain of L."""
 COMPARED = 2
 """Starting curves on a level whose minima are compared, where nothing tells that one of them suffices."""
 
@@ -57,6 +59,17 @@ def bent_anyhow(system: RitzSystem) -> Iterator[np.ndarray]:
     for direction in system.form.start.bumps:
         for amplitude in AMPLITUDES:
             yield system.fitted(bent(system.form, amplitude * scale, direction))
+
+
+def toward_baseline(system: RitzSystem, z: np.ndarray) -> Iterator[np.ndarray]:
+    """Unknowns on the way from ``z`` to the baseline, the nearest first.
+
+    A curve whose slope ends at the edge of the domain of L leaves that by next to nothing between the points of a rule,
+    and is inside again a little further on.
+    """
+    line = system.fitted(system.form.start.curve)
+    for share in BACK:
+        yield z + share * (line - z)
 
 
 def clear_of_bounds(system: RitzSystem) -> Iterator[np.ndarray]:
