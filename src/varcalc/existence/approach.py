@@ -21,7 +21,7 @@ from varcalc.methods.answer import Extremal
 from varcalc.methods.ritz.method import Rung, Rungs
 from varcalc.methods.ritz.newton import Newton
 from varcalc.methods.ritz.slack import within_bounds, without_inequalities
-from varcalc.problem.conditions import Bound
+from varcalc.problem.conditions import Bound, Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Verdict
@@ -31,6 +31,8 @@ POLYGON_PIECES, MORE_PIECES = (16, 32, 64, 128), (256, 512, 1024)
 """Pieces of the polygons, and of those that tell a jump from a layer that is only thin."""
 STEEPENING = 1.7
 """Growth of the steepest slope at each halving of the mesh that is concentration (2 for a jump)."""
+GROWING = 1.4
+"""Growth from which it may come to be that: of a slope that is infinite like the root of the distance."""
 SINGULAR_POWERS = (2, 3, 4, 5, 6)
 """Powers k of the abscissa, x - x_end ~ t^k, that give a curve an infinite slope at an end."""
 SMOOTH_DEGREE = 10
@@ -61,7 +63,8 @@ class MinimisingSequence:
     @property
     def concentrates(self) -> bool:
         """Whether the steepest slope grows with every refinement as that of a jump does, while the values improve."""
-        growing = bool(np.all(self.steepest[1:] > STEEPENING * self.steepest[:-1]))
+        steepest = self.steepest[-len(POLYGON_PIECES) :]  # what stands upright may be lower than the first pieces
+        growing = bool(np.all(steepest[1:] > STEEPENING * steepest[:-1]))
         return growing and bool(np.all(np.diff(-self.values if self.maximise else self.values) < 0))
 
     @property
@@ -70,8 +73,9 @@ class MinimisingSequence:
         last = slice(-len(POLYGON_PIECES), None)
         told = zip(self.elements[last], self.values[last], strict=True)
         table = ", ".join(f"{v:.6g} on {n}" for n, v in told)
+        bound, extreme = ("supremum", "greatest") if self.maximise else ("infimum", "least")
         sentence = (
-            f"the infimum is not attained: the least values over polygons, {table} pieces, tend to "
+            f"the {bound} is not attained: the {extreme} values over polygons, {table} pieces, tend to "
             f"{self.limit:.6g}, while the slope at x = {self.where:.4g} grows to {self.steepest[-1]:.3g} without bound"
         )
         numbers = {f"on {n} pieces": float(v) for n, v in zip(self.elements, self.values, strict=True)}
@@ -84,17 +88,19 @@ def approached(problem: Functional, *, closely: bool = False) -> MinimisingSeque
 
     The meshes go on, if they are to be looked at ``closely``, while the slope grows.
 
-    Only graphs of first order without conditions are looked at, and those that keep their bounds without being asked.
+    Only graphs of first order without conditions but levels are looked at, and those that keep their bounds without
+    being asked.
     """
     if not (isinstance(problem, Problem) and problem.order == 1):
         return None
-    if not all(isinstance(c, Bound) and c.interval[0] < c.interval[1] for c in problem.constraints):
+    others = [c for c in problem.constraints if not (isinstance(c, Isoperimetric) and c.equality)]
+    if not all(isinstance(c, Bound) and c.interval[0] < c.interval[1] for c in others):
         return None
     form = without_inequalities(formulate(problem))
     rows: list[tuple[int, float, float]] = []
     where, last = math.nan, None
     for elements in (*POLYGON_PIECES, *(MORE_PIECES if closely else ())):
-        if elements in MORE_PIECES and not rows[-1][-1] > STEEPENING * rows[-2][-1]:
+        if elements in MORE_PIECES and not rows[-1][-1] > GROWING * rows[-2][-1]:
             break
         rungs = Rungs(form, Newton(), 12)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

@@ -10,11 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from varcalc.existence.approach import approached
 from varcalc.formulation import formulate
 from varcalc.formulation.height import height
+from varcalc.problem.breaks import integrals
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -31,6 +33,7 @@ STEEP = 30.0
 """Slope, in units of the curve's extent over the interval, from which a curve may be about to stand upright."""
 SLOPES = 1e4, 1e6
 """Slopes, in units of the curve's own steepest one, between which the growth of L is seen."""
+NO_GRAPH = "what is sought may be no graph y(x), but stand upright or turn back there"
 STEEP_FAILURE = 10.0
 """The same of a curve at which a search was given up: it is told why that may be."""
 PLACES_FOR_EXTENT = 65
@@ -98,8 +101,8 @@ def beyond_graphs(solution: Solution) -> Solution:
         return solution
     return replace(
         solution,
-        message=f"at x = {x[steepest]:.4g} the slope has grown to {slopes[steepest]:.3g}, and what is sought may be no "
-        f"graph y(x), but stand upright or turn back there: state the problem as a Curve ({solution.message})",
+        message=f"at x = {x[steepest]:.4g} the slope has grown to {slopes[steepest]:.3g}, and {NO_GRAPH}: state "
+        f"the problem as a Curve ({solution.message})",
     )
 
 
@@ -109,7 +112,11 @@ def not_attained(problem: Functional, method: Any) -> Solution | None:
     None elsewhere. ``method`` is what would have been tried.
     """
     finding = _jumping(problem)
-    return None if finding is None else refused(no_answer(problem, method, Status.REFUSED, ""), finding)
+    if finding is None:
+        return None
+    if any(problem.of_type(Isoperimetric)):
+        finding = replace(finding, sentence=f"{finding.sentence}; {NO_GRAPH}: state the problem as a Curve")
+    return refused(no_answer(problem, method, Status.REFUSED, ""), finding)
 
 
 @answered
@@ -161,9 +168,15 @@ def _extent(solution: Solution) -> float:
 
 
 def _grows_linearly(problem: Problem, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> bool:
-    """Whether L grows as the slope does in the direction of the curve's own, and not faster."""
+    """Whether L grows as the slope does in the direction of the curve's own, and not faster.
+
+    Where integrals are prescribed it is enough that one of them does, and none faster.
+    """
     directions = np.repeat(slope, 2, axis=1) * np.array(SLOPES)
+    numbers = (np.repeat(v[:, None], 2, axis=1) for v in (problem.parameter_values, problem.unknown_guesses))
+    places = np.repeat(x, 2)[None], np.repeat(y, 2, axis=1)
     with np.errstate(all="ignore"):
-        values = problem.integrand_values(np.repeat(x, 2), np.repeat(y, 2, axis=1), directions)
-        growth = values[1] / values[0] / (SLOPES[1] / SLOPES[0])
-    return bool(abs(growth - 1.0) <= LINEAR)
+        values = np.asarray(ca.vertcat(*integrals(problem).call([*places, directions, np.zeros((0, 2)), *numbers])))
+        growth = values[:, 1] / values[:, 0] / (SLOPES[1] / SLOPES[0])
+    growth = np.where(values[:, 0] == values[:, 1], 0.0, growth)
+    return bool(abs(growth.max() - 1.0) <= LINEAR)

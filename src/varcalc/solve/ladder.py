@@ -450,8 +450,10 @@ def _explained(problem: Functional, found: Solution) -> Solution:
     """An answer, or a failure with the conditions that no curve meets, or with the infimum that none attains."""
     if found.status.ok or found.verdict in CONCLUSIVE:
         return found
+    if found.verdict is None and (none := not_attained(problem, found.method)) is not None:
+        return none
     if not problem.constraints and not any(problem.slides):
-        return found if found.verdict is not None else not_attained(problem, found.method) or found
+        return found
     hopeless = all(form is not None and form.refused for form in forms(problem))
     return found if hopeless else explained(problem, found)
 
