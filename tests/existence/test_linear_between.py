@@ -108,3 +108,11 @@ def test_a_jump_from_well_to_well_is_refused_with_the_supremum() -> None:
     assert solution.verdict is vc.Verdict.NOT_ATTAINED
     assert "the supremum is not attained: graphs that are ever steeper near x = 0.5" in solution.message
     assert told_of(solution) == pytest.approx(float(value), rel=1e-2)
+
+
+def test_a_step_is_followed_by_a_jump_that_no_graph_has() -> None:
+    # beside the step the momentum goes from 0 to 1 over half of the interval
+    problem = vc.Problem(lambda x, y, v: ca.fabs(v) + 20 * (y - ca.if_else(x < 0.5, 0, 1)) ** 2, vc.Free(0), vc.Free(1))
+    solution = vc.solve(problem, throw=False)
+    assert solution.verdict is vc.Verdict.NOT_ATTAINED
+    assert told_of(solution) == pytest.approx(0.9 + 20 * 0.05**2, rel=1e-2)

@@ -26,7 +26,7 @@ from varcalc.formulation.height import height
 from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
-from varcalc.problem.breaks import on_curve
+from varcalc.problem.breaks import breaks, on_curve
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Status, Verdict, no_answer, refused
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -180,7 +180,7 @@ class _LeastPath:
         """What is found where it leaves a level at once for another that a curve which moves would come to later."""
         rises = np.diff(self.chosen)
         for piece in np.flatnonzero(np.abs(rises) > OFF_EQUATION):
-            if self._at_given_end(piece) if piece in (0, len(rises) - 1) else self._between_wells(piece):
+            if self._at_given_end(piece) if piece in (0, len(rises) - 1) else self._across(piece):
                 step, sign = self.levels[1] - self.levels[0], self.kink.problem.sign
                 value = sign * (self.value - self._at_end_alone(piece))
                 sentence = (
@@ -208,8 +208,10 @@ class _LeastPath:
         there, beside = self.kink.summed(np.repeat(self.x[at], 2), ordinates)[0][:: 1 if piece == 0 else -1]
         return float(0.5 * (self.x[1] - self.x[0]) * (there - beside))
 
-    def _between_wells(self, piece: int) -> bool:
-        """Whether it leads across a hill: where L bends upwards a jump pays nowhere but at a given end."""
+    def _across(self, piece: int) -> bool:
+        """Whether it leads across a hill, or L changes there: elsewhere a jump pays nowhere but at a given end."""
+        if any(self.x[piece] <= place <= self.x[piece + 1] for place in breaks(self.kink.problem)):
+            return True
         first, last = self.chosen[piece : piece + 2]
         middle = np.full(abs(last - first) + 1, 0.5 * (self.x[piece] + self.x[piece + 1]))
         along = self.kink.along(middle, self.levels[min(first, last) : max(first, last) + 1])
