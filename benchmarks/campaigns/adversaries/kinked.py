@@ -7,6 +7,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.optimize import brentq
 
 from campaigns.adversaries.momentum import dual, pieces
 from campaigns.least import Least
@@ -33,6 +34,50 @@ def friction(random: np.random.Generator) -> Statement:
     value = dual(lambda s: distance(s) ** 2 / 2, distance, rise, x, weights, c * x, reach) - c * T * rise
     L: Integrand = lambda x, y, v: phi(v) - c * y  # noqa: E731
     return Statement(L, (0.0, 0.0), (T, rise), Least(value, sole=True, within=1e-10))
+
+
+def total_variation(random: np.random.Generator) -> Statement:
+    """w |v| + k (y - a sin(2 pi m x / T + phase))^2, or with m1 v or -m2 v for w |v|, between free ends.
+
+    Every crest and trough is cut by a rest along which the momentum 2 k (y - data) takes it from one side of the kink
+    to the other, from 0 at the ends; drawn so that no rest comes to the next one.
+    """
+    T, waves, a = random.uniform(0.5, 4), int(random.integers(1, 4)), math.exp(random.uniform(-2, 2))
+    low, high = np.exp(random.uniform(-1, 1, 2)).tolist()
+    if random.uniform() < 0.6:
+        low = high
+    rate, phase = 2 * math.pi * waves / T, random.uniform(-0.3, 0.3)
+    k = random.uniform(8, 80) * (low + high) * rate / (4 * a)
+    sign = float(random.choice([-1, 1]))
+
+    def area(x: float, c: float, end: float) -> float:  # of the data beyond a level c between abscissae
+        return a * (math.cos(rate * x + phase) - math.cos(rate * end + phase)) / rate - c * (end - x)
+
+    def off(x: float, c: float, end: float) -> float:  # the integral of (data - c)^2
+        squares = (end - x) / 2 - (math.sin(2 * (rate * end + phase)) - math.sin(2 * (rate * x + phase))) / (4 * rate)
+        return a**2 * squares - 2 * c * area(x, 0.0, end) + c**2 * (end - x)
+
+    # between crests: a rest about one from u before it to u after it, of level a cos(rate u)
+    crests = [(math.pi * (n + 0.5) - phase) / rate for n in range(2 * waves)]
+    turned = (low + high) / (2 * k)
+    half = brentq(
+        lambda u: 2 * (a * math.sin(rate * u) / rate - u * a * math.cos(rate * u)) - turned, 0, math.pi / (2 * rate)
+    )
+    levels, lost = [(-1) ** n * a * math.cos(rate * half) for n in range(2 * waves)], 0.0
+    lost = sum(off(x - half, c, x + half) for x, c in zip(crests, levels, strict=True))
+    # sign * y rises from the start to the first crest, and from the last trough to the end
+    rises = high if sign > 0 else low
+    first = brentq(lambda x: a * x * math.sin(rate * x + phase) - area(0.0, 0.0, x) - rises / (2 * k), 0, crests[0])
+    last = brentq(
+        lambda x: area(T - x, 0.0, T) - a * x * math.sin(rate * (T - x) + phase) - rises / (2 * k), 0, T - crests[-1]
+    )
+    ends = a * math.sin(rate * first + phase), a * math.sin(rate * (T - last) + phase)
+    lost += off(0.0, ends[0], first) + off(T - last, ends[1], T)
+    steps = sign * np.diff([ends[0], *levels, ends[1]])
+    value = float(np.where(steps > 0, high * steps, -low * steps).sum()) + k * lost
+    slope: Any = lambda v: high * ca.fabs(v) if low == high else ca.fmax(high * v, -low * v)  # noqa: E731
+    L: Integrand = lambda x, y, v: slope(v) + k * (y - sign * a * ca.sin(rate * x + phase)) ** 2  # noqa: E731
+    return Statement(L, (0.0, None), (T, None), Least(value, sole=True))
 
 
 def _fall(height: float, energy: float, k: float) -> tuple[float, float]:

@@ -229,13 +229,17 @@ class _LeastPath:
         if self.kink.problem.start.periodic and len(runs) > 1:
             (_, end, after), (start, last, before) = runs[0], runs.pop()
             runs[0] = start - (last - self.x[0]), end, (before[0], after[1])
-        step = self.levels[1] - self.levels[0]
-        for start, end, beside in runs:
+        step, piece, problem = self.levels[1] - self.levels[0], self.x[1] - self.x[0], self.kink.problem
+        free = [not (end.fixed or end.periodic) for end in (problem.start, problem.end)]
+        for start, end, sides in runs:
             level = self.levels[self.chosen[np.searchsorted(self.x, end)]]
+            # the momentum changes its sign, or comes to zero at a free end
+            turns = sides[0] * sides[1] < 0 or any(f and not side for f, side in zip(free, sides, strict=True))
             at = self.kink.along(np.linspace(start, end, PIECES_OF_LINE + 1), level)
-            off = np.abs(at[2:4]) > OFF_EQUATION * step * np.abs(at[4:6])
-            if end - start > SHORTEST_REST * (self.x[1] - self.x[0]) and off.all(axis=0).any():
-                yield _Rest(start, end, float(level), beside)
+            off = (np.abs(at[2:4]) > OFF_EQUATION * step * np.abs(at[4:6])).all(axis=0).any()
+            if turns or (off and end - start > SHORTEST_REST * piece):
+                longer = 0.5 * max(piece - (end - start), 0.0)
+                yield _Rest(start - longer * abs(sides[0]), end + longer * abs(sides[1]), float(level), sides)
 
 
 def _least_path(kink: _KinkedBetween) -> _LeastPath | None:
