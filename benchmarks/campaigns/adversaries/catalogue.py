@@ -45,7 +45,7 @@ FAMILIES = {
     "kinks": Family("kinks of a stiffness in x", switches.kinks),
     "loads": Family("kinks and jumps of a load in x", switches.loads),
     "friction": Family("kinks in the slope", kinked.friction),
-    "total variation": Family("kinks in the slope", kinked.total_variation),
+    "total variation": Family("total variation beside data", kinked.total_variation),
     "crossings": Family("kinks in y that are crossed", kinked.crossed_levels),
     "dead cores": Family("kinks in y that may be followed", kinked.dead_cores),
     "refraction": Family("layers of different index", layers.refraction),
