@@ -265,7 +265,7 @@ def held_momentum(
             return None
         lows[k], highs[k] = (lows[k], highs[k]) if end is None else (end, end)
     slowest, fastest = (
-        0.5 * (r[1:] + r[:-1]) * width + free
+        _between(r) * width + free
         for r, free in zip((rates.min(axis=(0, 1)), rates.max(axis=(0, 1))), away[0], strict=True)
     )
     for k in range(len(width)):  # forward those that can be come to, in place
@@ -280,6 +280,12 @@ def held_momentum(
     rate, inside, valley = np.diff(values), room[0] * width, rates[1] >= rates[0]
     rates_free = bool(valley.all() and ((rate > slowest + inside) & (rate < fastest - inside)).all())
     return HeldMomentum(x, values, bool((highs - lows).min() > room[1]), rates_free)
+
+
+def _between(rates: np.ndarray) -> np.ndarray:
+    """The mean of each two of ``rates`` (m,) at places that are equally far apart, as a cubic through four tells it."""
+    bends = np.pad(np.diff(rates, 2), 1, mode="edge")
+    return 0.5 * (rates[1:] + rates[:-1]) - (bends[1:] + bends[:-1]) / 24
 
 
 def _stands(problem: Problem, along: Curve, momentum: HeldMomentum) -> bool:

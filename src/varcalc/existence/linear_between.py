@@ -36,14 +36,21 @@ PATH_PIECES, PATH_LEVELS, DRAWN_CLOSER = 256, 513, 3
 """Abscissae and ordinates of the lattice, and times that it is drawn closer about the least curve."""
 PATH_MARGIN, WIDENED_BY, TIMES_WIDENED = 0.1, 3.0, 12
 """How far it reaches beyond what it is drawn about, in units of that; by what, and how often, it is widened."""
-OFF_EQUATION = 4.0
-"""How far off its equation a curve may be where it moves from one level of the lattice to the next, in their units."""
+RESTING, OFF_EQUATION = 1.5, 4.0
+"""How far off its equation a curve is, in units of the levels, from which on it is at rest, and is at a jump for sure.
+
+One that moves goes from one level to the next.
+"""
 SEAMS_AT_ONCE = 16
 """Ordinates at once at which it is tried where a closed curve begins."""
 SHORTEST_REST = 2
 """Pieces of the lattice that a rest is longer than."""
 PIECES_OF_LINE, POINTS_OF_LINE = 16, 12
 """Pieces of a line, and Gauss points on each, by which it is summed what presses it."""
+MOST_PARTS = 4
+"""Parts at most of what looks like one rest."""
+PLACES_ALONG, BEYOND_KINK = 1025, 1e-4
+"""Places of a rest at which its momentum is looked at, and by what part of the kink's it may be beyond that."""
 REST_PLACED = 1e-9
 """What the equations of a line may be missed by, in units of their own terms."""
 
@@ -60,8 +67,6 @@ def least_by_lines(problem: Problem, method: Ritz, tol: float) -> Solution | Non
         return None
     if (jump := path.jump()) is not None:
         return refused(no_answer(problem, method, Status.REFUSED, ""), jump)
-    if not lines:
-        return None
     found = [Crossing(kink.switch, line.start, until=line.end) for line in lines]
     return with_rests(problem, method, tol, path.curve, sorted(found, key=lambda c: c.x))
 
@@ -126,39 +131,60 @@ class _KinkedBetween:
         first, last = self.problem.span
         return np.where(x < first, x + (last - first), x) if self.problem.start.periodic else x
 
-    def placed(self, line: _Rest) -> Iterator[_Rest]:
-        """A line that ends where it comes to curves that move, and is pressed as it should be; none where none is near.
+    def placed(self, line: _Rest, parts: int = MOST_PARTS) -> Iterator[_Rest]:
+        """A rest that ends where it comes to curves that move, and is pressed as it should be; none where none is near.
 
-        One that begins before the start of a closed curve is two.
+        One along which the momentum would be more than the kink takes is at most so many ``parts``, and one that begins
+        before the start of a closed curve is two.
         """
-        (first, last), given = self.problem.span, [end.fixed for end in (self.problem.start, self.problem.end)]
-        if line.sides == (0, 0):
-            yield line
+        first, last = self.problem.span
+        rest = line if line.sides == (0, 0) else self._solved(line)
+        if rest is None:
             return
+        if parts > 1 and (place := self._beyond(rest)) is not None:
+            x, side = place
+            yield from self.placed(replace(rest, end=x, sides=(rest.sides[0], side)), parts - 1)
+            yield from self.placed(replace(rest, start=x, sides=(side, rest.sides[1])), parts - 1)
+        elif rest.start < first and self.problem.start.periodic:
+            yield replace(rest, start=first)
+            yield replace(rest, start=rest.start + (last - first), end=last)
+        else:
+            yield rest
+
+    def _solved(self, line: _Rest) -> _Rest | None:
+        """The rest that begins and ends where the equations say, begun from a ``line``; None where it has no length."""
+        given = [end.fixed for end in (self.problem.start, self.problem.end)]
         x, weights = composite_gauss(np.linspace(0.0, 1.0, PIECES_OF_LINE + 1), POINTS_OF_LINE)
 
         def missed(z: np.ndarray) -> list[float]:
             a, b, level = z
-            at = a + (b - a) * x
             ends = self.along(np.array([a, b]), level)
-            momenta = [ends[1 if side > 0 else 0, k] if side else 0.0 for k, side in enumerate(line.sides)]
-            turned = momenta[1] - momenta[0] - (b - a) * float(self.along(at, level)[6] @ weights)
+            momenta = [ends[int(side > 0), k] if side else 0.0 for k, side in enumerate(line.sides)]
+            turned = momenta[1] - momenta[0] - (b - a) * float(self.along(a + (b - a) * x, level)[6] @ weights)
             out = [
-                ends[3 if side > 0 else 2, k] if side else z[k] - edge
+                ends[2 + int(side > 0), k] if side else z[k] - edge
                 for k, (side, edge) in enumerate(zip(line.sides, (line.start, line.end), strict=True))
             ]
             held = any(given[k] and not side for k, side in enumerate(line.sides))
             return [*out, level - line.level if held else turned]
 
         found = root(missed, [line.start, line.end, line.level], tol=REST_PLACED)
-        a, b, level = found.x if found.success else (line.start, line.end, line.level)
-        if not a < b:
-            return
-        if a < first and self.problem.start.periodic:
-            yield replace(line, start=first, end=b, level=level)
-            yield replace(line, start=a + (last - first), end=last, level=level)
-        else:
-            yield replace(line, start=a, end=b, level=level)
+        rest = replace(line, start=found.x[0], end=found.x[1], level=found.x[2]) if found.success else line
+        return rest if rest.start < rest.end else None
+
+    def _beyond(self, rest: _Rest) -> tuple[float, int] | None:
+        """Where the momentum along a rest is furthest beyond what the kink takes, and on which side; else None."""
+        if not any(rest.sides):
+            return None
+        x = np.linspace(rest.start, rest.end, PLACES_ALONG)
+        along = self.along(x, rest.level)
+        momenta = np.append(0.0, np.cumsum(0.5 * (along[6, 1:] + along[6, :-1]) * np.diff(x)))
+        known = 0 if rest.sides[0] else -1
+        momenta += along[int(rest.sides[known] > 0), known] - momenta[known]
+        over = np.array([along[0] - momenta, momenta - along[1]])
+        side, at = np.unravel_index(int(np.argmax(over)), over.shape)
+        beyond = over[side, at] > BEYOND_KINK * float((along[1] - along[0]).max())
+        return (float(x[at]), 2 * int(side) - 1) if beyond else None
 
 
 @dataclass(frozen=True)
@@ -236,7 +262,10 @@ class _LeastPath:
             # the momentum changes its sign, or comes to zero at a free end
             turns = sides[0] * sides[1] < 0 or any(f and not side for f, side in zip(free, sides, strict=True))
             at = self.kink.along(np.linspace(start, end, PIECES_OF_LINE + 1), level)
-            off = (np.abs(at[2:4]) > OFF_EQUATION * step * np.abs(at[4:6])).all(axis=0).any()
+            # to go on as it came the momentum falls and rises again, or the other way round
+            far = RESTING * step * np.abs(at[4:6])
+            above, below = ((way * at[2:4] > far).all(axis=0).any() for way in (1.0, -1.0))
+            off = (above and below) if sides[0] == sides[1] else (above or below)
             if turns or (off and end - start > SHORTEST_REST * piece):
                 longer = 0.5 * max(piece - (end - start), 0.0)
                 yield _Rest(start - longer * abs(sides[0]), end + longer * abs(sides[1]), float(level), sides)
