@@ -7,6 +7,8 @@ import pytest
 from mpmath import mpf
 
 import varcalc as vc
+from varcalc.existence.held_throughout import let_go
+from varcalc.methods.crossings import Crossing, on_curve
 
 ROUND = vc.Periodic(0, 1), vc.Periodic(0, 1)
 MEAN = vc.Isoperimetric(lambda x, y, v: y, 0)
@@ -70,7 +72,7 @@ def where_friction_lets_go(stiff, friction):
     def left(e):
         return stiff * (moved(e)[0](e) * (mpf(1) / 2 - 2 * e) - 2 * mpmath.cos(turn * e) / turn) + 2 * friction
 
-    e = mpmath.findroot(left, (mpf("0.15"), mpf("0.24")), solver="anderson")
+    e = mpmath.findroot(left, (mpf("0.01"), mpf("0.24")), solver="anderson")
     y, v = moved(e)
     moving = mpmath.quad(
         lambda x: v(x) ** 2 / 2 + friction * v(x) + stiff / 2 * (y(x) - mpmath.sin(turn * x)) ** 2, [-e, 0, e]
@@ -102,3 +104,30 @@ def test_a_closed_curve_that_meets_what_switches(lagrangian, conditions, value):
     assert abs(found.value - value) <= found.error.value + 1e-14
     assert found.error.value < 1e-9
     assert not found.local
+
+
+@pytest.mark.parametrize(
+    ("turns", "stiff", "phase"), [(2, 13.446, 0.4171), (3, 22.62, 0.0)], ids=["through the seam", "beside rests"]
+)
+def test_friction_that_lets_go_for_a_short_while(turns, stiff, phase):
+    # in units of a turn v is so many times as large; at rest throughout, the value is stiff / 4, which is more
+    value = turns**2 * where_friction_lets_go(mpf(stiff) / turns**2, mpf(1) / turns)
+    found = vc.solve(
+        vc.Problem(
+            lambda x, y, v: v**2 / 2 + ca.fabs(v) + stiff / 2 * (y - ca.sin(2 * np.pi * turns * (x + phase))) ** 2,
+            *ROUND,
+        )
+    )
+    assert value < stiff / 4 - 1e-4
+    assert abs(found.value - value) <= found.error.value + 1e-14
+    assert found.error.value < 1e-9
+
+
+@pytest.mark.parametrize(("friction", "freed"), [(0.99, True), (1.01, False)])
+def test_what_pulls_more_than_friction_holds_lets_go_of_a_curve_at_rest(friction, freed):
+    # the momentum goes up and down by the sum of 2 pi sin(2 pi x) over half a turn, which is 2
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + friction * ca.fabs(v) + np.pi * (y - ca.sin(2 * np.pi * x)) ** 2, *ROUND
+    )
+    (kink,) = on_curve(problem)
+    assert let_go(problem, lambda x, _: np.zeros((1, len(x))), [Crossing(kink, 0.0, until=1.0)]) is freed

@@ -8,7 +8,7 @@ is seen by following all momenta at once: an interval that must not become empty
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -73,28 +73,41 @@ class HeldMomentum(NamedTuple):
 
 def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Crossing]) -> Solution | None:
     """The minimum that follows a kink from end to end; None where none is shown to."""
-    plain = problem.n == problem.order == 1 and not (problem.constraints or problem.unknowns)
-    followed = [c.switch for c in found if c.until is not None]
-    closing = (problem.start.fixed and problem.end.fixed) or problem.start.periodic
-    if not (plain and closing and followed) or problem.end_cost is not None:
-        return None
     convex = proved_jointly_convex(problem)
-    for switch in followed:
-        moving = switch.depends_on(problem.symbols.dy)
-        along = (
-            _following(problem, switch, curve)
-            if moving
-            else resampled(on_level(problem, switch, curve), problem.span, 2)
-        )
-        if along is None or not _between_ends(problem, along):
-            continue
+    for switch, along in _followed(problem, curve, found):
         momentum = _closing_momentum(problem, along)
         if momentum is None:
             continue
-        free = momentum.free if moving else momentum.rates_free
+        free = momentum.free if switch.depends_on(problem.symbols.dy) else momentum.rates_free
         if convex or (free and _stands(problem, along, momentum)):
             return _answer(problem, method, along)
     return None
+
+
+def let_go(problem: Problem, curve: Curve, found: list[Crossing]) -> bool:
+    """Whether a curve follows a kink of the slope from end to end along which there is no momentum to hold it.
+
+    Points between which the momentum is not followed, such as those of a mesh, do not tell.
+    """
+    span = problem.span
+    whole = [c for c in found if c.switch.depends_on(problem.symbols.dy) and (c.x, c.until) == span]
+    return any(_closing_momentum(problem, along) is None for _, along in _followed(problem, curve, whole))
+
+
+def _followed(problem: Problem, curve: Curve, found: list[Crossing]) -> Iterator[tuple[Switch, Curve]]:
+    """The kinks that a curve follows, and the curves from end to end along each of them."""
+    plain = problem.n == problem.order == 1 and not (problem.constraints or problem.unknowns)
+    closing = (problem.start.fixed and problem.end.fixed) or problem.start.periodic
+    if not (plain and closing) or problem.end_cost is not None:
+        return
+    for switch in (c.switch for c in found if c.until is not None):
+        along = (
+            _following(problem, switch, curve)
+            if switch.depends_on(problem.symbols.dy)
+            else resampled(on_level(problem, switch, curve), problem.span, 2)
+        )
+        if along is not None and _between_ends(problem, along):
+            yield switch, along
 
 
 def resting(problem: Functional, method: Ritz) -> Solution | None:

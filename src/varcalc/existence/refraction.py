@@ -17,7 +17,7 @@ import numpy as np
 
 from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.directions import polygonal
-from varcalc.existence.held_throughout import Curve, held_throughout
+from varcalc.existence.held_throughout import Curve, held_throughout, let_go
 from varcalc.existence.in_pieces import FOLLOWED_TO, alike, breaking, corners, settled, summed_along
 from varcalc.existence.polygons import Valley
 from varcalc.existence.rests import along_jumps, with_rests
@@ -90,8 +90,19 @@ def _with_crossings(
     met = [c for c in met if not c.switch.smooth]  # there the equations of a smooth problem hold
     if solution is not None or not met:
         return solution
-    found_above = above_kinks(formulate(problem), method, tol, ordinates_of(about.curve))
-    return found_above or _none_stands(problem, method, met)
+    return _held_above(problem, method, tol, about) or _none_stands(problem, method, met)
+
+
+def _held_above(problem: Problem, method: Ritz, tol: float, about: Rounded) -> Solution | None:
+    """The minimum by functions above the kinks; None for none, and where its curve is at rest but not held there.
+
+    Bounds of these functions are kept at points alone, between which a curve at rest may be let go.
+    """
+    found = above_kinks(formulate(problem), method, tol, ordinates_of(about.curve))
+    if found is None or found.curve is None:
+        return None
+    followed = crossings(problem, found.curve, found.x, problem.unknown_guesses, FOLLOWED_TO, about.sizes)
+    return None if let_go(problem, found.curve, followed) else found
 
 
 def _broken_near(

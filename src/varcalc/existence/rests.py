@@ -54,6 +54,8 @@ ROUNDS_OF_RESTS = 6
 """Times that it is begun anew where rests have vanished, or where others are seen."""
 MOST_CONTACTS = 24
 """Contacts of one curve that are treated: of one that waves across a jump by round-off there are ever more."""
+SETS_OUT = 0.1
+"""Part of the time for which a kink of the slope holds it within which a curve goes through that as it sets out."""
 PLACES_OF_REST = 1001
 """Places of a rest between which the momentum is followed."""
 INWARDS = 1e-9
@@ -312,7 +314,8 @@ class _Surfaces:
         """The contacts where a curve meets kinks, as it was ``found`` to, and where it is at bounds.
 
         A kink of the slope that it goes through holds it for as long as the momentum takes; where that does not change
-        at all a curve that seems to go through is at rest on both sides, or straight to round-off.
+        at all a curve that seems to go through is at rest on both sides, or straight to round-off. Beside where it
+        follows that kink it goes through as it sets out.
         """
         met, first = list[Contact](), len(self.problem.constraints)
         for c in found:
@@ -322,7 +325,8 @@ class _Surfaces:
             index = first + number
             held = c.until is None and self._steep[index]
             half = 0.5 * self._time_across(curve, c.x) if held else 0.0
-            if held and half == 0:
+            stretches = [(o.x, o.until) for o in found if o.switch is c.switch and o.until is not None]
+            if held and (half == 0 or any(a - SETS_OUT * half <= c.x <= b + SETS_OUT * half for a, b in stretches)):
                 continue
             met.append(Contact(index, 0.0, c.x - half, c.x + half if c.until is None else c.until))
         x = np.linspace(*self.problem.span, PLACES_FOR_BOUNDS)

@@ -109,7 +109,8 @@ def crossings(
         # on which side of a jump the curve ends is known, however near to it that is
         sure = np.array([0, -1])[np.abs(values[[0, -1]]) > ARGUMENT_ROUND_OFF * size]
         signs[sure] = np.sign(values[sure]) if switch.jumps else signs[sure]
-        found += _of_one(switch, x, values, signs, small * size, lambda at, k=k: arguments(at)[k])
+        ends = not problem.start.periodic
+        found += _of_one(switch, x, values, signs, small * size, lambda at, k=k: arguments(at)[k], ends=ends)
     return sorted(found, key=lambda c: c.x)
 
 
@@ -174,8 +175,9 @@ def stretches_beside_jumps(solution: Solution, small: float) -> list[tuple[float
 
 def _of_one(
     switch: Switch, x: np.ndarray, values: np.ndarray, signs: np.ndarray, small: float,
-    at: Callable[[np.ndarray], np.ndarray],
+    at: Callable[[np.ndarray], np.ndarray], *, ends: bool,
 ) -> list[Crossing]:  # fmt: skip
+    """Those of one switch, along a curve that ``ends`` or is closed."""
     side = np.floor(values + small) if switch.stepped else signs
     found: list[Crossing] = []
     still = np.flatnonzero(side == 0.0) if not switch.stepped else np.zeros(0, dtype=int)
@@ -184,7 +186,7 @@ def _of_one(
     for run in runs:
         long = x[run[-1]] - x[run[0]] > RIDDEN * (x[-1] - x[0])
         # a curve that begins or ends beside a switch goes from there, straight, to one side
-        at_one_end = (run[0] > 0) != (run[-1] < len(x) - 1)
+        at_one_end = ends and (run[0] > 0) != (run[-1] < len(x) - 1)
         there = max(abs(float(values[run[-1]]) - float(values[run[0]])), LEFT_BEHIND * small)
         across = there if at_one_end else 2 * small
         if long and not (switch.jumps or switch.smooth) and _lingers(values[run], x[run], across):
