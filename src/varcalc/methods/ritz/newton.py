@@ -328,12 +328,12 @@ def first_multipliers(at: Evaluation) -> np.ndarray:
 
 def lowest_eigenvalue(matrix: np.ndarray, metric: np.ndarray) -> float:
     """Least eigenvalue of the pencil (matrix, metric)."""
-    from scipy.linalg import eigh  # loaded by the first solve, not with the package
-
     try:
-        return float(eigh(matrix, metric, eigvals_only=True, subset_by_index=(0, 0), check_finite=False)[0])
+        factor = np.linalg.cholesky(metric)
     except np.linalg.LinAlgError:
         return math.nan
+    half = np.linalg.solve(factor, matrix)
+    return float(np.linalg.eigvalsh(np.linalg.solve(factor, half.T))[0])
 
 
 def minimise(
