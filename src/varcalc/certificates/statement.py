@@ -78,7 +78,7 @@ class Statement:
     @property
     def periodic(self) -> bool:
         """Whether both ends are one."""
-        return self.along.form.ends.periodic
+        return self.along.form.ends.periodic > 0
 
     @cached_property
     def cost(self) -> Cost | None:

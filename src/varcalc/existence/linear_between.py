@@ -114,8 +114,11 @@ class _KinkedBetween:
         rates = [ca.gradient(r, s.y) for r in missed]
         stated = [self._pieces[0], *momenta], [*momenta, *missed, *rates, ca.gradient(self._pieces[0], s.y)]
         known = [s.dy, s.parameters], [ca.SX(self.slope), ca.SX(self.problem.parameter_values)]
-        first, second = (ca.densify(ca.substitute([ca.vertcat(*each)], *known)[0]) for each in stated)
-        return tuple(PointEvaluator(ca.Function("on_lines", [s.x, s.y], [e])) for e in (first, second))
+        first, second = (
+            PointEvaluator(ca.Function("on_lines", [s.x, s.y], ca.substitute([ca.densify(ca.vertcat(*each))], *known)))
+            for each in stated
+        )
+        return first, second
 
     def summed(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """L on lines of its slope through points (m,), and its momenta beside that, below and above: (3, m)."""
@@ -205,7 +208,7 @@ class _LeastPath:
     def jump(self) -> Finding | None:
         """What is found where it leaves a level at once for another that a curve which moves would come to later."""
         rises = np.diff(self.chosen)
-        for piece in np.flatnonzero(np.abs(rises) > OFF_EQUATION):
+        for piece in np.flatnonzero(np.abs(rises) > OFF_EQUATION).tolist():
             if self._at_given_end(piece) if piece in (0, len(rises) - 1) else self._across(piece):
                 step, sign = self.levels[1] - self.levels[0], self.kink.problem.sign
                 value = sign * (self.value - self._at_end_alone(piece))
@@ -249,9 +252,9 @@ class _LeastPath:
         That of a closed curve which goes on past the end begins before the start.
         """
         moves = np.diff(self.chosen)
-        edges = np.flatnonzero(moves)
+        edges = np.flatnonzero(moves).tolist()
         sides = [0, *(int(np.sign(m)) for m in moves[edges]), 0]
-        runs = list(zip(self.x[[0, *(edges + 1)]], self.x[[*edges, -1]], pairwise(sides), strict=True))
+        runs = list(zip(self.x[[0, *(e + 1 for e in edges)]], self.x[[*edges, -1]], pairwise(sides), strict=True))
         if self.kink.problem.start.periodic and len(runs) > 1:
             (_, end, after), (start, last, before) = runs[0], runs.pop()
             runs[0] = start - (last - self.x[0]), end, (before[0], after[1])

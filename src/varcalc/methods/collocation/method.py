@@ -208,7 +208,7 @@ class _RootSearch:
 
     def shifts(self) -> bool:
         """True for a closed curve that may be shifted along itself, whose index a coarse mesh does not tell."""
-        return self.form.ends.periodic and not ca.depends_on(self.form.integrand, self.form.symbols.x)
+        return self.form.ends.periodic > 0 and not ca.depends_on(self.form.integrand, self.form.symbols.x)
 
     def root(self, system: CollocationSystem, start: StartingCurve) -> Root | None:
         """The root that one starting curve leads to, along with its prescribed integrals if need be."""

@@ -135,7 +135,7 @@ def meeting_levels(system: RitzSystem) -> tuple[list[np.ndarray], int]:
 def _is_ring(system: RitzSystem) -> bool:
     """Whether the baseline is a closed curve of the size that the level asks for, to be blown up."""
     form = system.form
-    return form.ends.periodic and form.n > 1 and bool(form.start.curve(np.array(form.span)).any())
+    return form.ends.periodic > 0 and form.n > 1 and bool(form.start.curve(np.array(form.span)).any())
 
 
 def _mode(system: RitzSystem, number: int) -> np.ndarray:
