@@ -31,6 +31,7 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Status, Verdict, no_answer, refused
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import Switch, held
+from varcalc.symbolic.tracing import Expression
 
 PATH_PIECES, PATH_LEVELS, DRAWN_CLOSER = 256, 513, 3
 """Abscissae and ordinates of the lattice, and times that it is drawn closer about the least curve."""
@@ -97,20 +98,24 @@ class _KinkedBetween:
         self._pieces = [held([problem.sign * problem.integrand], s.all, at, moving)[0] for at in beside]
 
     @property
-    def linear(self) -> bool:
-        """Whether L holds nothing of the slope but that."""
-        dy = self.problem.symbols.dy
-        return not any(ca.depends_on(ca.gradient(piece, dy), dy) for piece in self._pieces)
+    def places(self) -> bool:
+        """Whether L is linear in the slope on both sides, and what is missed of its equation there says where y is."""
+        dy, y = self.problem.symbols.dy, self.problem.symbols.y
+        momenta = [ca.gradient(piece, dy) for piece in self._pieces]
+        told = ca.vertcat(*map(self._missed, self._pieces, momenta))
+        return bool(ca.depends_on(told, y)) and not any(ca.depends_on(momentum, dy) for momentum in momenta)
+
+    def _missed(self, piece: Expression, momentum: Expression) -> Expression:
+        """What is missed of Euler and Lagrange's equation by a curve of any slope, where L is a ``piece``."""
+        s = self.problem.symbols
+        return ca.gradient(piece, s.y) - ca.gradient(momentum, s.x) - ca.gradient(momentum, s.y) * s.dy
 
     @cached_property
     def _stated(self) -> tuple[PointEvaluator, PointEvaluator]:
         """At (x, y): L and its momenta on both sides; these, what they miss of their equations, what presses a line."""
         s = self.problem.symbols
         momenta = [ca.gradient(piece, s.dy) for piece in self._pieces]
-        missed = [
-            ca.gradient(piece, s.y) - ca.gradient(p, s.x) - ca.gradient(p, s.y) * s.dy
-            for piece, p in zip(self._pieces, momenta, strict=True)
-        ]
+        missed = list(map(self._missed, self._pieces, momenta))
         rates = [ca.gradient(r, s.y) for r in missed]
         stated = [self._pieces[0], *momenta], [*momenta, *missed, *rates, ca.gradient(self._pieces[0], s.y)]
         known = [s.dy, s.parameters], [ca.SX(self.slope), ca.SX(self.problem.parameter_values)]
@@ -380,4 +385,4 @@ def _kink(problem: Problem) -> _KinkedBetween | None:
     if len(switch.levels) > 1 or per_slope == 0.0:
         return None
     kink = _KinkedBetween(problem, switch, away / per_slope)
-    return kink if kink.linear else None
+    return kink if kink.places else None
