@@ -131,3 +131,9 @@ def test_what_pulls_more_than_friction_holds_lets_go_of_a_curve_at_rest(friction
     )
     (kink,) = on_curve(problem)
     assert let_go(problem, lambda x, _: np.zeros((1, len(x))), [Crossing(kink, 0.0, until=1.0)]) is freed
+
+
+def test_friction_holds_no_closed_curve_that_is_lower_further_down() -> None:
+    # at rest at y it is y / 2, without a bound, however much friction there is
+    problem = vc.Problem(lambda x, y, v: (1 + y**2) * ca.fabs(v) + x * y, vc.Periodic(0, 1), vc.Periodic(0, 1))
+    assert not vc.solve(problem, throw=False).status.ok

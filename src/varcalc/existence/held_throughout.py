@@ -62,13 +62,15 @@ FOLLOWED_TOLERANCE, ORDINATE_ROUND_OFF = 1e-13, 1e-15
 class HeldMomentum(NamedTuple):
     """Momenta (m,) along a curve at abscissae x (m,), which, or whose rates, may be a little greater and less or not.
 
-    The one where a kink of the slope holds the curve, the other where one of the ordinate does.
+    The one where a kink of the slope holds the curve, the other where one of the ordinate does. Whether one
+    ``returns`` to what it was at the start is known by the rates alone, which may be far less than it is.
     """
 
     x: np.ndarray
     values: np.ndarray
     free: bool
     rates_free: bool
+    returns: bool
 
 
 def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Crossing]) -> Solution | None:
@@ -136,6 +138,8 @@ def _closing_momentum(problem: Problem, along: Curve) -> HeldMomentum | None:
     momentum = held_momentum(problem, along, x)
     if momentum is None or not problem.start.periodic:
         return momentum
+    if not momentum.returns:  # however much friction would hold, it holds nothing that goes down as a whole
+        return None
     begun = float(momentum.values[0])
     closed = held_momentum(problem, along, x, (begun, begun))
     return None if closed is None else closed._replace(free=momentum.free)
@@ -292,7 +296,9 @@ def held_momentum(
         values[k] = 0.5 * (first + last)
     rate, inside, valley = np.diff(values), room[0] * width, rates[1] >= rates[0]
     rates_free = bool(valley.all() and ((rate > slowest + inside) & (rate < fastest - inside)).all())
-    return HeldMomentum(x, values, bool((highs - lows).min() > room[1]), rates_free)
+    pull = NEARLY * float(np.abs(rates).max(axis=(0, 1)).mean() * (x[-1] - x[0]))
+    returns = bool(slowest.sum() <= pull and fastest.sum() >= -pull)
+    return HeldMomentum(x, values, bool((highs - lows).min() > room[1]), rates_free, returns)
 
 
 def _between(rates: np.ndarray) -> np.ndarray:
