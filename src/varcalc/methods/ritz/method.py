@@ -27,7 +27,7 @@ from varcalc.methods.ritz.ipopt import Ipopt, optimise
 from varcalc.methods.ritz.layers import cuts, hidden, layered
 from varcalc.methods.ritz.newton import NO_NUMBER, Descent, Newton, edge_met, load, minimise
 from varcalc.methods.ritz.slack import kept, without_inequalities
-from varcalc.methods.ritz.starts import COMPARED, bent_anyhow, clear_of_bounds, meeting_levels, toward_baseline
+from varcalc.methods.ritz.starts import COMPARED, NEXT_TO, bent_anyhow, clear_of_bounds, meeting_levels, toward_baseline
 from varcalc.methods.ritz.steepest import (
     FOUND,
     NEARLY_FOUND,
@@ -370,7 +370,8 @@ class Rungs:
         if isinstance(self.optimiser, Ipopt):
             outcome, path = optimise(system, z, multipliers, self.optimiser, known=known)
         else:
-            outcome = self._minimised(system, z, multipliers, self.optimiser, near=known or near)
+            most = 1.0 if known else NEXT_TO * near
+            outcome = self._minimised(system, z, multipliers, self.optimiser, most)
         self.iterations += outcome.iterations
         if outcome.reason:
             return outcome.reason
@@ -379,16 +380,23 @@ class Rungs:
         return Rung(system, outcome.z, outcome.multipliers, outcome.value, along, levels, outcome.gap)
 
     def _minimised(
-        self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton, *, near: bool
+        self, system: RitzSystem, z: np.ndarray, multipliers: np.ndarray, newton: Newton, most: float
     ) -> Descent:
-        """Where Newton's iteration ends; where the domain of L has an edge in its way, it is taken along that."""
+        """Where Newton's iteration ends; where the domain of L has an edge in its way, it is taken along that.
+
+        From beyond the edge it is begun inside, if that is no more than ``most`` of the way to the baseline.
+        """
         outcome = minimise(system, z, multipliers, newton, self.tol)
-        if outcome.reason == NO_NUMBER and near:
-            for inside in toward_baseline(system, z):
+        if outcome.reason == NO_NUMBER:
+            for inside in toward_baseline(system, z, most):
                 outcome = minimise(system, inside, multipliers, newton, self.tol, edged=True)
                 if outcome.reason != NO_NUMBER:
                     break
-        elif outcome.reason and outcome.iterations and edge_met(system, system.evaluate(outcome.z)):
+        elif (
+            outcome.reason
+            and 0 < outcome.iterations < newton.iterations
+            and edge_met(system, system.evaluate(outcome.z))
+        ):
             outcome = minimise(system, z, multipliers, newton, self.tol, edged=True)
         return outcome
 

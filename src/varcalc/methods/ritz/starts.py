@@ -37,8 +37,11 @@ STRETCHES = np.geomspace(0.3, 3.0, 8)
 """Heights of bends between two, in units of theirs."""
 TURNS = np.arange(1, 6) / 6
 """Where bends between two are looked at, as shares of the way."""
-BACK = 4.0 ** np.arange(-20, 0)
-"""Shares of the way to the baseline at which a curve may have come back to the domain of L."""
+BACK, NEXT_TO = 4.0 ** np.arange(-20, 0), 1e-3
+"""Shares of the way to the baseline at which a curve may have come back to the domain of L, and the most for a guess.
+
+A guess that is further off, as a polygon may be, is not next to a minimum.
+"""
 COMPARED = 2
 """Starting curves on a level whose minima are compared, where nothing tells that one of them suffices."""
 
@@ -61,14 +64,14 @@ def bent_anyhow(system: RitzSystem) -> Iterator[np.ndarray]:
             yield system.fitted(bent(system.form, amplitude * scale, direction))
 
 
-def toward_baseline(system: RitzSystem, z: np.ndarray) -> Iterator[np.ndarray]:
-    """Unknowns on the way from ``z`` to the baseline, the nearest first.
+def toward_baseline(system: RitzSystem, z: np.ndarray, most: float = 1.0) -> Iterator[np.ndarray]:
+    """Unknowns on the way from ``z`` to the baseline, as far as ``most`` of it, the nearest first.
 
     A curve whose slope ends at the edge of the domain of L leaves that by next to nothing between the points of a rule,
     and is inside again a little further on.
     """
     line = system.fitted(system.form.start.curve)
-    for share in BACK:
+    for share in BACK[most >= BACK]:
         yield z + share * (line - z)
 
 
