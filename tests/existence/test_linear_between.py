@@ -116,3 +116,10 @@ def test_a_step_is_followed_by_a_jump_that_no_graph_has() -> None:
     solution = vc.solve(problem, throw=False)
     assert solution.verdict is vc.Verdict.NOT_ATTAINED
     assert told_of(solution) == pytest.approx(0.9 + 20 * 0.05**2, rel=1e-2)
+
+
+def test_a_fit_that_changes_its_weight_is_followed_without_a_jump() -> None:
+    problem = vc.Problem(lambda x, y, v: ca.fabs(v) + ca.if_else(x < 0.5, 5, 50) * (y - x) ** 2, vc.Free(0), vc.Free(1))
+    first, last = 1 / math.sqrt(5), 1 / math.sqrt(50)
+    value = 1 - first - last + (5 * first**3 + 50 * last**3) / 3
+    assert vc.solve(problem).value == pytest.approx(value, abs=1e-12)

@@ -245,7 +245,8 @@ class _LeastPath:
     def _across(self, piece: int) -> bool:
         """Whether it leads across a hill, or L changes there: elsewhere a jump pays nowhere but at a given end."""
         if any(self.x[piece] <= place <= self.x[piece + 1] for place in breaks(self.kink.problem)):
-            return True
+            before, rise, after = np.abs(np.diff(self.chosen[piece - 1 : piece + 3]))
+            return bool(rise > OFF_EQUATION + 2 * max(before, after))  # what moves there moves beside it as well
         first, last = self.chosen[piece : piece + 2]
         middle = np.full(abs(last - first) + 1, 0.5 * (self.x[piece] + self.x[piece + 1]))
         along = self.kink.along(middle, self.levels[min(first, last) : max(first, last) + 1])
