@@ -123,3 +123,12 @@ def test_a_kink_of_the_cost_turns_an_end_away_and_a_kink_of_the_place_holds_the_
     solution = vc.solve(problem)
     assert abs(solution.value - least) < 1e-8
     assert abs(float(solution.y(span)) - end) < 1e-6
+
+
+def test_a_kink_that_a_bound_keeps_the_end_from_is_no_end():
+    ceiling = vc.Bound(lambda x, y, v: y, upper=0.3)
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2, vc.Fixed(0, 0), vc.Free(1), [ceiling],
+        end_cost=lambda x0, y0, x1, y1: 3 * ca.fabs(y1 - 0.5),
+    )  # fmt: skip
+    assert abs(vc.solve(problem).value - (0.3**2 / 2 + 0.6)) < 1e-9

@@ -192,3 +192,37 @@ def test_a_wave_that_friction_does_not_hold_moves_a_closed_curve():
         throw=False,
     )  # fmt: skip
     assert not found.status.ok or found.value < 9 - 1e-3  # at rest it is 9
+
+
+def at_rest(x, y, v):
+    return v**2 / 2 + ca.fabs(v)
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "start", "end", "cost", "value"),
+    [
+        (at_rest, vc.Fixed(0, 0.3), vc.Free(2), None, 0.0),
+        (at_rest, vc.Free(0), vc.Fixed(2, 0.3), None, 0.0),
+        # what pulls is less than friction on the way to the free end, or is not
+        (lambda x, y, v: at_rest(x, y, v) + y, vc.Fixed(0, 0.3), vc.Free(0.9), None, 0.27),
+        (lambda x, y, v: at_rest(x, y, v) + y, vc.Fixed(0, 0.3), vc.Free(2), None, 0.6 - 1 / 6),
+        (at_rest, vc.Fixed(0, 0), vc.Free(1), lambda x0, y0, x1, y1: (y1 - 0.4) ** 2, 0.16),
+        (at_rest, vc.Fixed(0, 0), vc.Free(1), lambda x0, y0, x1, y1: (y1 - 2) ** 2, 2.5),
+        (at_rest, vc.Free(0), vc.Free(1), lambda x0, y0, x1, y1: (y1 - 0.4) ** 2 + (y0 + 0.4) ** 2, 0.32),
+        # the mean of what it is fitted to, and of two valleys the lower
+        (lambda x, y, v: at_rest(x, y, v) + (y - x) ** 2, vc.Free(0), vc.Free(1), None, 1 / 12),
+        (
+            lambda x, y, v: at_rest(x, y, v) + (y**2 - 1) ** 2 - ca.sin(3 * y) ** 3,
+            vc.Free(0),
+            vc.Free(1),
+            None,
+            None,
+        ),
+    ],
+)
+def test_friction_holds_what_is_free_at_an_end(lagrangian, start, end, cost, value):
+    if value is None:
+        y = np.linspace(0, 2, 200001)
+        value = float(((y**2 - 1) ** 2 - np.sin(3 * y) ** 3).min())
+    solution = vc.solve(vc.Problem(lagrangian, start, end, end_cost=cost))
+    assert abs(solution.value - value) < 1e-9

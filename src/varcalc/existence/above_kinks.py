@@ -12,6 +12,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled
 from varcalc.formulation.epigraph import epigraph_form
+from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
@@ -20,6 +21,8 @@ from varcalc.solution import Solution
 
 GAUSS_POINTS, POINTS_A_DEGREE = 24, 2
 """Points an element at which a curve's functional is summed again: so many, and so many of each of its degrees."""
+ITERATIONS = 120
+"""Iterations of IPOPT for one mesh."""
 HELD = 1e-7
 """Difference, relative to what is summed, of a curve's functional and what was found of it, which the sum may make."""
 ORDINATE_ROUND_OFF = 1e-14
@@ -37,7 +40,9 @@ def above_kinks(form: Form, method: Ritz, tol: float, curve: Sampled) -> Solutio
     if lifted is None:
         return None
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        found = replace(method, starts=1).solve(lifted, tol=tol, guess=lifted.start.curve)
+        # a program that takes long has no minimum to end at
+        way = replace(method, starts=1, optimiser=Ipopt(iterations=ITERATIONS))
+        found = way.solve(lifted, tol=tol, guess=lifted.start.curve)
     if not found.status.ok or found.curve is None or found.extremal is None:
         return None
     evaluate = found.curve if form.stated.is_lifted else found.extremal.evaluate

@@ -18,6 +18,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from varcalc.existence.closer_meshes import on_closer_meshes
 from varcalc.existence.directions import CurveOrSlope, polygonal
 from varcalc.existence.levelled_polygons import Alternating
 from varcalc.existence.relaxation import MIXED, Relaxed, applies, relaxed
@@ -136,7 +137,7 @@ def _sought(
     if coarse is None or fine is None:
         return coarse, fine, None
     found = (_solved(problem, teeth, tol, fine) for teeth in _sketches(problem, fine))
-    best = min((f for f in found if f is not None), key=lambda s: problem.sign * s.value, default=None)
+    best = min((f for f in found if f is not None and f.status.ok), key=lambda s: problem.sign * s.value, default=None)
     return coarse, fine, best
 
 
@@ -246,6 +247,13 @@ def _integrands(problem: Problem) -> PointEvaluator:
 
 def _solved(problem: Problem, teeth: _Teeth, tol: float, found: Relaxed) -> Solution | None:
     """The direct method from a polygon whose corners may move, if the answer stands; it may have none in a far well."""
+    return on_closer_meshes(problem, lambda marked: _from_teeth(marked, teeth, tol, found))
+
+
+def _from_teeth(problem: Functional, teeth: _Teeth, tol: float, found: Relaxed) -> Solution | None:
+    """The same, whatever lies between its points."""
+    if not isinstance(problem, Problem):
+        return None
     marks = np.array([teeth.x[k] for k in _jumps(problem, found, teeth)])
     heights = found.y[0] + np.concatenate([[0.0], np.cumsum(teeth.slopes * np.diff(teeth.x))])
     way = Ritz(starts=1)

@@ -16,7 +16,7 @@ import numpy as np
 from varcalc.formulation import formulate
 from varcalc.formulation.height import height
 from varcalc.problem.breaks import kinks_at_ends
-from varcalc.problem.conditions import Fixed
+from varcalc.problem.conditions import Bound, Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -59,11 +59,13 @@ def _at_kink(
     problem: Problem, end: int, place: float, aside: float, solved: Callable[[Problem], Solution]
 ) -> Iterator[Solution]:
     """The answer whose end is at a kink of its cost, where that holds it, or those that lie on better sides of it."""
-    resting = solved(_pinned(problem, end, place))
-    if not resting.status.ok:
+    resting = solved(_pinned(problem, end, place)) if _admitted(problem, end, place) else None
+    if resting is None or not resting.status.ok:
         return
     holds = True
     for ordinate in (place - aside, place + aside):
+        if not _admitted(problem, end, ordinate):  # a bound holds it on that side
+            continue
         other = solved(_pinned(problem, end, ordinate))
         holds = holds and _worse(other, resting)
         if _worse(resting, other) and (beside := _beside(problem, end, ordinate, solved)) is not None:
@@ -126,6 +128,20 @@ def _places(problem: Problem, argument: Expression, ordinate: Expression, end: i
         if abs(change) <= ON_SWITCH * max(unit, abs(y)) and not any(abs(y - k) <= ASIDE * unit for k in known):
             known.append(y)
             yield y, max(unit, abs(y))
+
+
+def _admitted(problem: Problem, end: int, ordinate: float) -> bool:
+    """Whether the bounds on the curve itself allow it to have an ordinate at one end."""
+    s, at = problem.symbols, np.array([problem.span[end]])
+    for traced in problem.traced:
+        bound = traced.constraint
+        if not isinstance(bound, Bound) or ca.depends_on(traced.expression, s.dy):
+            continue
+        known = at, np.array([ordinate]), problem.parameter_values, problem.unknown_guesses
+        height = float(ca.Function("bound", [s.x, s.y, s.parameters, s.unknowns], [traced.expression])(*known))
+        if not bound.interval[0] <= height <= bound.interval[1]:
+            return False
+    return True
 
 
 def _pinned(problem: Problem, end: int, ordinate: float) -> Problem:

@@ -20,7 +20,7 @@ from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
-from varcalc.problem.breaks import on_curve
+from varcalc.problem.breaks import breaks, kinks_at_ends, on_curve
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -54,6 +54,8 @@ RESTS_TRIED = np.unique(
     np.concatenate([reach * np.linspace(-1, 1, 257) for reach in np.sqrt(2) * 8.0 ** np.arange(-1, 5)])
 )
 """Ordinates at which closed curves may rest, in units of the interval: no round number lies half way between two."""
+EVENLY = 1e-9
+"""Relative difference of steps that are equally long."""
 NOT_PRESSED = np.zeros((2, 2))
 """Of a curve that no bound holds."""
 FOLLOWED_TOLERANCE, ORDINATE_ROUND_OFF = 1e-13, 1e-15
@@ -80,7 +82,10 @@ def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Cr
         momentum = _closing_momentum(problem, along)
         if momentum is None:
             continue
-        free = momentum.free if switch.depends_on(problem.symbols.dy) else momentum.rates_free
+        slides = switch.depends_on(problem.symbols.dy)
+        free = momentum.free if slides else momentum.rates_free
+        if slides and not (problem.start.fixed or problem.end.fixed):
+            free = free and problem.start.periodic  # nothing but the rest of L holds it where it is
         if convex or (free and _stands(problem, along, momentum)):
             return _answer(problem, method, along)
     return None
@@ -99,8 +104,7 @@ def let_go(problem: Problem, curve: Curve, found: list[Crossing]) -> bool:
 def _followed(problem: Problem, curve: Curve, found: list[Crossing]) -> Iterator[tuple[Switch, Curve]]:
     """The kinks that a curve follows, and the curves from end to end along each of them."""
     plain = problem.n == problem.order == 1 and not (problem.constraints or problem.unknowns)
-    closing = (problem.start.fixed and problem.end.fixed) or problem.start.periodic
-    if not (plain and closing) or problem.end_cost is not None:
+    if not plain or any(problem.slides) or kinks_at_ends(problem):
         return
     for switch in (c.switch for c in found if c.until is not None):
         along = (
@@ -113,15 +117,17 @@ def _followed(problem: Problem, curve: Curve, found: list[Crossing]) -> Iterator
 
 
 def resting(problem: Functional, method: Ritz) -> Solution | None:
-    """The closed curve that friction holds at one ordinate all the way round; None where that is not shown to stand.
+    """The curve that friction holds at one ordinate all the way; None where that is not shown to stand.
 
-    The ordinate is one at which resting costs least: what pulls at the curve then adds up to nothing on the way round,
-    and its momentum comes back to what it was.
+    It is closed, or free at both ends. The ordinate is one at which resting costs least: what pulls at the curve then
+    adds up to nothing on the way, and its momentum comes to what it is to be.
     """
-    if not (isinstance(problem, Problem) and problem.start.periodic and problem.n == problem.order == 1):
+    if not (isinstance(problem, Problem) and problem.n == problem.order == 1 and not problem.constraints):
         return None
-    held = any(_at_rest(problem, switch) for switch in on_curve(problem))
-    if problem.constraints or problem.unknowns or problem.end_cost is not None or not held:
+    ends = problem.start, problem.end
+    moves = problem.start.periodic or not (any(end.fixed for end in ends) or any(problem.slides))
+    held = moves and any(_at_rest(problem, switch) for switch in on_curve(problem))
+    if problem.unknowns or kinks_at_ends(problem) or not held:
         return None
     convex = proved_jointly_convex(problem)
     for ordinate, room in _cheapest_rests(problem)[:MOST_RESTS]:
@@ -133,16 +139,31 @@ def resting(problem: Functional, method: Ritz) -> Solution | None:
 
 
 def _closing_momentum(problem: Problem, along: Curve) -> HeldMomentum | None:
-    """Momenta along a curve, those of a closed one alike at both ends; None where there are none."""
-    x = np.linspace(*problem.span, MOMENTUM_STEPS)
-    momentum = held_momentum(problem, along, x)
+    """Momenta along a curve: of a closed one alike at both ends, at free ends what their cost asks for.
+
+    None where there are none.
+    """
+    x = np.union1d(np.linspace(*problem.span, MOMENTUM_STEPS), breaks(problem))
+    momentum = held_momentum(problem, along, x, () if problem.start.periodic else _momenta_at_ends(problem, along))
     if momentum is None or not problem.start.periodic:
         return momentum
     if not momentum.returns:  # however much friction would hold, it holds nothing that goes down as a whole
         return None
     begun = float(momentum.values[0])
-    closed = held_momentum(problem, along, x, (begun, begun))
-    return None if closed is None else closed._replace(free=momentum.free)
+    return held_momentum(problem, along, x, (begun, begun))
+
+
+def _momenta_at_ends(problem: Problem, along: Curve) -> tuple[float | None, ...]:
+    """The momentum at each end that is free, by what its ordinate costs; None for one that is given."""
+    ends = problem.start, problem.end
+    rates = [0.0, 0.0]
+    if problem.end_cost_expression is not None:
+        (symbols, cost), s = problem.end_cost_expression, problem.symbols
+        gradient = ca.gradient(cost, ca.vertcat(*symbols[1::2]))
+        places = [v for x in problem.span for v in (x, along(np.array([x]), 0)[0, 0])]
+        function = ca.Function("rates", [*symbols, s.parameters, s.unknowns], [ca.densify(gradient)])
+        rates = (np.asarray(function(*places, problem.parameter_values, np.zeros(0))).ravel() * problem.sign).tolist()
+    return tuple(None if end.fixed else way * rate for end, way, rate in zip(ends, (1.0, -1.0), rates, strict=True))
 
 
 def _at_rest(problem: Problem, switch: Switch) -> bool:
@@ -162,7 +183,7 @@ def _cheapest_rests(problem: Problem) -> list[tuple[float, float]]:
     """The ordinates at which resting costs less than beside them, the cheapest first, and how nearly each is known."""
     from scipy.optimize import minimize_scalar  # few solves come here
 
-    x, weights = composite_gauss(np.linspace(*problem.span, SUMMED_ELEMENTS + 1), REST_POINTS)
+    x, weights = composite_gauss(_summed_on(problem), REST_POINTS)
     width = problem.span[1] - problem.span[0]
 
     def terms(y: np.ndarray) -> np.ndarray:
@@ -171,13 +192,15 @@ def _cheapest_rests(problem: Problem) -> list[tuple[float, float]]:
         return problem.sign * problem.integrand_values(*at).reshape(count, places) * weights
 
     def cost(y: float) -> float:
-        return float(terms(np.array([y])).sum())
+        return float(summed(np.array([y]))[0])
+
+    def summed(y: np.ndarray) -> np.ndarray:
+        return terms(y).sum(1) + problem.sign * _cost_of_ends(problem, y, y)
 
     found = []
     tried = width * RESTS_TRIED
     with np.errstate(all="ignore"):
-        values = terms(tried)
-        costs, rounded = np.nan_to_num(values.sum(1), nan=np.inf), COSTS_ROUNDED * np.abs(values).sum(1)
+        costs, rounded = np.nan_to_num(summed(tried), nan=np.inf), COSTS_ROUNDED * np.abs(terms(tried)).sum(1)
         lower = (costs + rounded)[1:-1] < np.minimum(costs[:-2], costs[2:])
         for k in (1 + np.flatnonzero(lower)).tolist():
             least = minimize_scalar(cost, tuple(tried[k - 1 : k + 2]), method="brent", tol=BRENT_TOLERANCE)
@@ -189,12 +212,33 @@ def _cheapest_rests(problem: Problem) -> list[tuple[float, float]]:
     return [(y, room) for _, y, room in sorted(found)]
 
 
+def _cost_of_ends(problem: Problem, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """What the ends of curves cost whose ordinates there are ``first`` and ``last`` (m,)."""
+    if problem.end_cost_expression is None:
+        return np.zeros(len(first))
+    (symbols, cost), s = problem.end_cost_expression, problem.symbols
+    function = ca.Function("cost", [*symbols, s.parameters, s.unknowns], [cost])
+    numbers = in_columns(len(first), problem.parameter_values, np.zeros(0))
+    places = [
+        row for x, y in zip(problem.span, (first, last), strict=True) for row in (np.full((1, len(y)), x), y[None])
+    ]
+    return np.asarray(function(*places, *numbers)).ravel()
+
+
+def _summed_on(problem: Problem) -> np.ndarray:
+    """Edges of the elements on which a curve at rest is summed."""
+    return np.union1d(np.linspace(*problem.span, SUMMED_ELEMENTS + 1), breaks(problem))
+
+
 def _between_ends(problem: Problem, along: Curve) -> bool:
-    """Whether a curve comes from the start to the end."""
-    first, last = along(np.array(problem.span), 0)[0].tolist()
-    ends = [first, first] if problem.start.periodic else [float(e.values(1)[0]) for e in (problem.start, problem.end)]
-    room = ON_KINK * max(height(formulate(problem)), *map(abs, ends))
-    return abs(first - ends[0]) <= room and abs(last - ends[1]) <= room
+    """Whether a curve comes from the start to the end, where these are given."""
+    reached = along(np.array(problem.span), 0)[0]
+    given = np.array([float(end.values(1)[0]) for end in (problem.start, problem.end)])
+    if problem.start.periodic:
+        given = reached[[0, 0]]
+    given = np.where(np.isnan(given), reached, given)
+    room = ON_KINK * max(height(formulate(problem)), *np.abs(given))
+    return bool((np.abs(reached - given) <= room).all())
 
 
 def on_level(problem: Problem, switch: Switch, curve: Curve) -> Curve:
@@ -214,13 +258,14 @@ def on_level(problem: Problem, switch: Switch, curve: Curve) -> Curve:
 
 
 def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
-    """The curve from the start along which a switch is zero, its slopes by Newton's method from those of another.
+    """The curve from an end along which a switch is zero, its slopes by Newton's method from those of another.
 
     None where these lead to none.
     """
     from scipy.integrate import solve_ivp  # few solves come here
 
-    s, span = problem.symbols, problem.span
+    s, backward = problem.symbols, problem.end.fixed and not problem.start.fixed
+    given, span = (problem.end, problem.span[::-1]) if backward else (problem.start, problem.span)
     newton = s.dy - switch.argument / ca.gradient(switch.argument, s.dy)
     step = ca.Function("step", [s.x, s.y, s.dy, s.parameters], [newton])
 
@@ -231,8 +276,8 @@ def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
             v = np.asarray(step(x[None], y, v, numbers))
         return v
 
-    first, unit = problem.start.values(1), height(formulate(problem))
-    if problem.start.periodic:
+    first, unit = given.values(1), height(formulate(problem))
+    if not given.fixed:
         first = curve(np.array(span[:1]), 0)[:, 0]
     if not np.isfinite(slopes(np.array(span[:1]), first[:, None])).all():
         return None  # SciPy would choose no first step, and try it for ever
@@ -242,11 +287,11 @@ def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
     )  # fmt: skip
     if not (path.success and np.isfinite(path.y).all()):
         return None
-    return resampled(lambda x, k: slopes(x, path.sol(x)) if k else path.sol(x), span, 2)
+    return resampled(lambda x, k: slopes(x, path.sol(x)) if k else path.sol(x), problem.span, 2)
 
 
 def held_momentum(
-    problem: Problem, along: Curve, x: np.ndarray, ends: Sequence[float | None] = (None, None),
+    problem: Problem, along: Curve, x: np.ndarray, ends: Sequence[float | None] = (),
     pressed: np.ndarray = NOT_PRESSED, size: float = 0.0,
 ) -> HeldMomentum | None:  # fmt: skip
     """Momenta between L_y' on both sides of the kink whose rates are between L_y on both; None where there are none.
@@ -276,13 +321,14 @@ def held_momentum(
         return None
     width, away = np.diff(x), pressed * np.array([-1.0, 1.0])
     lows, highs = momenta.min(axis=(0, 1)) + away[1, 0], momenta.max(axis=(0, 1)) + away[1, 1]
-    for k, end in zip((0, -1), ends, strict=True):
+    held = lows.copy(), highs.copy()
+    for k, end in zip((0, -1), ends, strict=False):
         # where a bound presses, it may press with a force at the end
         if end is not None and not pressed[0].any() and not lows[k] - room[1] <= end <= highs[k] + room[1]:
             return None
         lows[k], highs[k] = (lows[k], highs[k]) if end is None else (end, end)
     slowest, fastest = (
-        _between(r) * width + free
+        _between(r, width) * width + free
         for r, free in zip((rates.min(axis=(0, 1)), rates.max(axis=(0, 1))), away[0], strict=True)
     )
     for k in range(len(width)):  # forward those that can be come to, in place
@@ -298,13 +344,16 @@ def held_momentum(
     rates_free = bool(valley.all() and ((rate > slowest + inside) & (rate < fastest - inside)).all())
     pull = NEARLY * float(np.abs(rates).max(axis=(0, 1)).mean() * (x[-1] - x[0]))
     returns = bool(slowest.sum() <= pull and fastest.sum() >= -pull)
-    return HeldMomentum(x, values, bool((highs - lows).min() > room[1]), rates_free, returns)
+    least = min((values - held[0]).min(), (held[1] - values).min())
+    return HeldMomentum(x, values, bool(least > 0.5 * room[1]), rates_free, returns)
 
 
-def _between(rates: np.ndarray) -> np.ndarray:
-    """The mean of each two of ``rates`` (m,) at places that are equally far apart, as a cubic through four tells it."""
+def _between(rates: np.ndarray, widths: np.ndarray) -> np.ndarray:
+    """The mean of each two of ``rates`` (m,), as a cubic through four tells it where their ``widths`` are equal."""
     bends = np.pad(np.diff(rates, 2), 1, mode="edge")
-    return 0.5 * (rates[1:] + rates[:-1]) - (bends[1:] + bends[:-1]) / 24
+    beside = np.pad(widths, 1, mode="edge")
+    even = np.ptp([beside[:-2], widths, beside[2:]], axis=0) <= EVENLY * widths
+    return 0.5 * (rates[1:] + rates[:-1]) - np.where(even, (bends[1:] + bends[:-1]) / 24, 0.0)
 
 
 def _stands(problem: Problem, along: Curve, momentum: HeldMomentum) -> bool:
@@ -332,10 +381,11 @@ def _answer(problem: Problem, method: Ritz, along: Curve, room: float = 0.0) -> 
     """
     values = []
     for points, near in ((SUMMED_POINTS, 0.0), (SUMMED_POINTS + 4, 0.0), (SUMMED_POINTS + 4, 1.0)):
-        x, weights = composite_gauss(np.linspace(*problem.span, SUMMED_ELEMENTS + 1), points)
+        x, weights = composite_gauss(_summed_on(problem), points)
         y = (1.0 + near * ORDINATE_ROUND_OFF) * along(x, 0) + near * room
         terms = problem.integrand_values(x, y, along(x, 1))
-        values.append((float(terms @ weights), float(np.abs(terms) @ weights)))
+        cost = float(_cost_of_ends(problem, *(along(np.array([end]), 0)[0] for end in problem.span))[0])
+        values.append((float(terms @ weights) + cost, float(np.abs(terms) @ weights) + abs(cost)))
     (coarse, _), (value, size), (moved, _) = values
     error = abs(value - coarse) + abs(value - moved) + FOLLOWED_TOLERANCE * size
     off = room + FOLLOWED_TOLERANCE * float(np.abs(along(x, 0)).max())

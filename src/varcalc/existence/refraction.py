@@ -70,7 +70,10 @@ def refracted(
     from varcalc.existence.linear_between import least_by_lines  # few curves are of this kind
 
     # whatever is begun from, that finds the least of all
-    return least_by_lines(problem, method, tol) or _with_crossings(problem, method, tol, guess, marks)
+    least = least_by_lines(problem, method, tol)
+    if least is not None and (not least.status.ok or as_held(problem, least)):
+        return least
+    return _with_crossings(problem, method, tol, guess, marks)
 
 
 def _with_crossings(

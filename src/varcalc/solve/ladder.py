@@ -13,10 +13,12 @@ import numpy as np
 
 from varcalc.existence.above_kinks import above_kinks
 from varcalc.existence.approach import outdone
+from varcalc.existence.closer_meshes import CLOSER_MESHES, agree, on_closer_meshes
 from varcalc.existence.constant_speed import at_constant_speed
 from varcalc.existence.fading import attained
 from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, IN_NARROW, has_lattice, looked_around
+from varcalc.existence.held_throughout import resting
 from varcalc.existence.polygons import Polygon
 from varcalc.existence.refraction import meets_switches, refracted, smooth_or_refused
 from varcalc.existence.upright import beyond_graphs, not_attained, upright
@@ -45,7 +47,7 @@ from varcalc.solution import (
 from varcalc.solve.warm_start import resolved
 from varcalc.spelling import spelled
 from varcalc.symbolic.derived import answered
-from varcalc.verify.between import Unseen, as_stated, balanced, of_powers_alone, unseen, unseen_where_broken
+from varcalc.verify.between import Unseen, as_stated, balanced, of_powers_alone, unseen
 from varcalc.verify.slopes import vouched
 
 FINER_DEGREE = 8
@@ -61,10 +63,8 @@ FINER_STARTS = 2
 NO_LENGTH = "the functional is not the length of a metric that it is taken for"
 MOST_ELEMENTS = 1000
 """Elements on which an extremal is held: one that needs more is singular somewhere."""
-CLOSER_MESHES, LARGE_MESH = 6, 100_000
-"""Times that a problem is solved anew on a mesh that sees what lay between the points of the one before, and unknowns
-from which on a mesh that led to no answer is made no finer.
-"""
+LARGE_MESH = 100_000
+"""Unknowns from which on a mesh that led to no answer is made no finer."""
 WORTH = 0.1
 """Share of the tolerance that what lies between the points of an answer may come to, all together."""
 MOST_MARKS = 10_000
@@ -339,8 +339,12 @@ def _kinked(problem: Functional, method: Ritz, tol: float) -> Solution | None:
     kinks = isinstance(problem, Problem) and problem.order == 1 and not problem.start.periodic
     if not kinks or all(switch.smooth for switch in on_curve(problem)):
         return None
-    form = formulate(problem)
-    return above_kinks(form, method, tol, form.start.curve)
+
+    def solved(marked: Functional) -> Solution | None:
+        form = formulate(marked)
+        return above_kinks(form, method, tol, form.start.curve)
+
+    return on_closer_meshes(problem, solved)
 
 
 def _guided(problem: Functional, guide: Method, tol: float, guess: Guess, told: Told) -> Solution | None:
@@ -384,39 +388,14 @@ def _broken(
     """The answer of the direct method in pieces, or a refusal, where its curve meets what switches; None elsewhere."""
     if not (isinstance(method, Ritz) and breakable(problem)):
         return None
-    if problem.start.periodic:
-        from varcalc.existence.held_throughout import resting  # few closed curves switch
-
-        held = resting(problem, method)
-        if held is not None:
-            return held
+    held = on_closer_meshes(problem, lambda marked: resting(marked, method))
+    if held is not None:
+        return held
     start = _sampled(problem, formulate(problem), guess)
     found = at_constant_speed(problem, method, tol, start)
     if found is not None and unseen(found) is None and as_stated(found):
         return found
-    solution = refracted(problem, method, tol, start, marks)
-    return solution if solution is None else _seen_where_broken(solution, method, tol, start, marks)
-
-
-def _seen_where_broken(
-    solution: Solution, method: Ritz, tol: float, start: Sampled | None, marks: Sequence[float]
-) -> Solution:
-    """An answer in pieces on meshes that see what lies between the points of the first, refused where there is none."""
-    problem, known, missed = solution.problem, list[float](), unseen_where_broken(solution)
-    for _ in range(CLOSER_MESHES):
-        if missed is None or not isinstance(problem, Problem):
-            return solution
-        known += missed.marks.tolist()
-        again = refracted(problem.restated(breakpoints=[*problem.breakpoints, *known]), method, tol, start, marks)
-        if again is None or not again.status.ok:
-            why = "no curve that is broken where it should be was found" if again is None else again.message
-            message = f"{missed.sentence}, and on a mesh that can there was no answer: {why}"
-            return replace(solution, status=Status.NOT_CONVERGED, message=message)
-        if _agree(solution, again):
-            return solution
-        solution = replace(again, problem=problem)
-        missed = unseen_where_broken(solution)
-    return solution if missed is None else replace(solution, status=Status.NOT_CONVERGED, message=missed.sentence)
+    return on_closer_meshes(problem, lambda marked: refracted(marked, method, tol, start, marks))
 
 
 def _attempt(problem: Functional, method: Method, tol: float, guess: Guess) -> Solution:
@@ -564,7 +543,7 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
         if not lasting or again.extremal is None:
             why = NO_LENGTH if not lasting else f"on a mesh that can there was no answer: {again.message}"
             return replace(solution, status=Status.NOT_CONVERGED, message=f"{missed.sentence}, and {why}")
-        if (kept := _kept(solution, again, worth)) is not None:
+        if not missed.beyond and (kept := _kept(solution, again, worth)) is not None:
             return kept
         solution, form = again, again.extremal.form
         hopeless = not solution.status.ok and solution.stats.unknowns > LARGE_MESH
@@ -574,16 +553,9 @@ def _seen_between(method: Method, form: Form, solution: Solution, tol: float) ->
 
 def _kept(solution: Solution, again: Solution, worth: float) -> Solution | None:
     """Which of two answers to keep where what the first did not see has moved nothing; None where it has."""
-    if _agree(solution, again):
+    if agree(solution, again):
         return solution  # the first mesh has more digits
     return again if again.status.ok and abs(again.value - solution.value) <= worth else None
-
-
-def _agree(first: Solution, second: Solution) -> bool:
-    """Whether two answers are one within what they claim, and the first claims no more than the second."""
-    error = first.error.value + second.error.value
-    same = first.status.ok and second.status.ok and abs(first.value - second.value) <= error
-    return same and first.error.value <= second.error.value
 
 
 def _on_finer_mesh(method: Method, form: Form, solution: Solution, missed: Unseen, tol: float) -> Solution:

@@ -70,6 +70,9 @@ WITHIN_BOX = 16
 """Points in a box at which a bound is asked."""
 FEATURES_APART = 0.02
 """Share of the interval by which two features lie apart."""
+NEXT_TO_BOUND, NEARER = 1e-2, 2
+"""How near a bound, relative to its range along the curve, it is looked at closer whether that is kept, and how often.
+"""
 BROKEN = 1e-7
 """By how much a bound may be missed between the points at which it was asked, relative to its range along the curve."""
 
@@ -82,6 +85,8 @@ class Unseen:
     place: float
     torn: bool = False
     """Whether the momentum jumps there, which no extremal's does."""
+    beyond: bool = False
+    """Whether the curve itself breaks a bound there."""
 
     @property
     def sentence(self) -> str:
@@ -197,16 +202,28 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
     looked = _looked(extremal, function, VARYING, everywhere=False)
     marks, edges = (np.zeros(0), s) if looked is None else looked[:2]
     inner = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(WITHIN_BOX) / WITHIN_BOX)
-    points = _points(extremal, np.append(inner.ravel(), edges[-1]))
-    values = np.asarray(function(*_arguments(extremal, points)))
-    for row, bound in zip(values, held, strict=True):
-        lower, upper = bound.interval
-        beyond = np.maximum(lower - row, row - upper)
-        broken = np.flatnonzero(beyond > BROKEN * max(1.0, float(np.ptp(row))))
+    asked = np.append(inner.ravel(), edges[-1])
+    sizes: np.ndarray | None = None
+    for nearer in range(1 + NEARER):
+        points = _points(extremal, asked)
+        values = np.asarray(function(*_arguments(extremal, points)))
+        sizes = np.maximum(1.0, np.ptp(values, axis=1)) if sizes is None else sizes
+        beyond = np.array(
+            [np.maximum(b.interval[0] - row, row - b.interval[1]) for row, b in zip(values, held, strict=True)]
+        )
+        over = (beyond / sizes[:, None]).max(0)
+        broken = np.flatnonzero(over > BROKEN)
         if len(broken):
-            boxes = np.minimum(broken // WITHIN_BOX, len(edges) - 2)
+            boxes = np.clip(np.searchsorted(edges, asked[broken], side="right") - 1, 0, len(edges) - 2)
             at = np.union1d(edges[boxes], edges[boxes + 1])
-            return Unseen(np.union1d(marks, at[(at > s[0]) & (at < s[-1])]), float(points[0, np.argmax(beyond)]))
+            inside = np.union1d(marks, at[(at > s[0]) & (at < s[-1])])
+            return Unseen(inside, float(points[0, int(np.argmax(over))]), beyond=True)
+        # where a curve comes next to a bound it may go beyond that between two points
+        near = 1 + np.flatnonzero((over[1:-1] >= over[:-2]) & (over[1:-1] >= over[2:]) & (over[1:-1] > -NEXT_TO_BOUND))
+        if nearer == NEARER or not len(near):
+            return None
+        low, high = asked[near - 1], asked[near + 1]
+        asked = np.unique(low[:, None] + (high - low)[:, None] * (np.arange(1 + WITHIN_BOX) / WITHIN_BOX))
     return None
 
 

@@ -262,6 +262,9 @@ def _placement(system: RitzSystem, table: np.ndarray, scale: np.ndarray) -> tupl
     of_others = (k * np.arange(count) + D * n + np.arange(extra)[:, None]).ravel()
     at, column = np.concatenate([rows[free], of_others]), np.concatenate([columns[free], others])
     value = np.concatenate([values[free], np.ones(len(others))]) * scale[column]
+    if space.periodic and E == 1:  # the vertices of the only element are one, and CasADi keeps one entry of a place
+        places, entry = np.unique(at * system.size + column, return_inverse=True)
+        (at, column), value = np.divmod(places, system.size), np.bincount(entry, value)
     matrix = ca.DM.triplet(at.tolist(), column.tolist(), ca.DM(value), k * count, system.size)
     return matrix, constant
 

@@ -45,7 +45,7 @@ from varcalc.methods.ritz.touching import Touching, touchable, touching
 from varcalc.numerics.mesh import Space, on_one_element
 from varcalc.problem.conditions import truth, whole
 from varcalc.showing import Brief
-from varcalc.solution import ErrorEstimate, Solution, Stats, Status, no_answer
+from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, no_answer
 from varcalc.spelling import spelled
 
 DEGREES: dict[int, tuple[int, ...]] = {1: (6, 10, 16, 24, 36, 52), 2: (7, 11, 16, 24, 36)}
@@ -169,6 +169,8 @@ class Ritz(Brief):
         None where they bind it otherwise, or none is found.
         """
         free = _Climb(replace(self, starts=1), without_inequalities(form), tol).run(guess)
+        if free.verdict is Verdict.DEGENERATE and kept(form, free) is not None:
+            return replace(free, method=self)  # it is one of a continuum, whatever bounds end that further on
         if not free.status.ok:
             return None
         if (found := kept(form, replace(free, method=self))) is not None:
