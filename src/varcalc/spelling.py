@@ -222,6 +222,7 @@ def _refusing(function: Any) -> Any:
     respelt = _respelt
 
     def called(*args: Any, **kwargs: Any) -> Any:
+        """The function's value, its keywords respelt where they do not fit."""
         try:
             return function(*args, **kwargs)
         except TypeError as error:

@@ -161,6 +161,7 @@ def _greatest(
     enough = NEARLY_AS_EVEN * min(EVEN, smallest[2].evenness)
 
     def serves(share: float) -> bool:
+        """Whether the field of this kappa is even enough; it is kept in ``tried``."""
         found = _bearing(setting, stiffness, bends, share)
         if found is not None:
             tried[share] = found

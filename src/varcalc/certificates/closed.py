@@ -73,6 +73,7 @@ def _problem(along: AlongCurve, placed: list[int], turned: int, unit: float) -> 
     arguments = [s.x, s.y, s.dy, s.parameters, ca.vertcat(s.unknowns, begin)]
 
     def stated(e: Expression) -> TracedFunction:
+        """An expression of the form as a function of the new problem, ``y`` counted from the start."""
         with as_written():
             anew = ca.substitute([ca.densify(e)], [s.y], [there])
             return TracedFunction(ca.Function("traced", arguments, anew), names)

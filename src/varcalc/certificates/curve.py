@@ -429,6 +429,7 @@ def through(parts: Sequence[Part]) -> Callable[[np.ndarray, int], np.ndarray]:
               for a, b, values in parts]  # fmt: skip
 
     def evaluate(x: np.ndarray, k: int) -> np.ndarray:
+        """The k-th derivative of the curve at ``x``: (rows, *x.shape)."""
         at = np.clip(np.searchsorted(starts, x, side="right") - 1, 0, len(starts) - 1)
         found = np.empty((len(series[0]), *np.shape(x)))
         for number in np.unique(at):

@@ -348,6 +348,7 @@ class DualBound:
         rows = list(zip(*(r.by_views() for r in part.rows), strict=True))
 
         def along(c: Statement) -> Values:
+            """What one of the polynomials is along the curve, in each of the part's views."""
             switches = c.switches(piece.centre, piece.half)
             series = [c.jet(v.abscissa(), r[:n], r[n:], 0, switches) for v, r in zip(part.views, rows, strict=True)]
             return Values.on(part.views, [jet.value for jet in series])

@@ -47,6 +47,7 @@ class Eigenfunctions:
         parts = [np.polynomial.Chebyshev(transform(CURVE_DEGREE) @ row, domain=[a, b]) for a, b, row in pairs]
 
         def evaluate(x: np.ndarray, derivative: int) -> np.ndarray:
+            """The derivative of that order at x (m,), as (1, m)."""
             found, element = np.empty((1, len(x))), self._element(x)
             for k, part in enumerate(parts):
                 found[0, element == k] = (part.deriv(derivative) if derivative else part)(x[element == k])

@@ -592,6 +592,7 @@ def _joined(sides: Sequence[Jet]) -> Jet:
     """What holds each of some jets of numbers."""
 
     def union(parts: Sequence[Any]) -> Any:
+        """A ball that holds each of some numbers."""
         total = flint().arb(0) + parts[0]
         for part in parts[1:]:
             total = total.union(flint().arb(0) + part)

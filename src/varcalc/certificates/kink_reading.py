@@ -279,6 +279,7 @@ def _bases(
             found.append(expression)
 
     def look(operation: int, operands: Sequence[tuple[Expression, bool]]) -> tuple[Expression, bool]:
+        """An operation as it is written, and whether anything in it switches; what it switches by is added."""
         expressions = [e for e, _ in operands]
         written, switched = operate(operation, expressions), any(s for _, s in operands)
         if operation in SWITCHING and ca.depends_on(written, curve):

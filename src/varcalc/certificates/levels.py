@@ -175,6 +175,7 @@ class Meeting:
         """
 
         def series(k: int, around: Around) -> list[Series]:
+            """The derivatives of all that is integrated, by each e, as series around a place of a piece."""
             shapes = [bump.series(around) for bump in self.bumps]
             return [
                 sum(jet.first.get(place, 0) * shape for place, shape in zip(self._places(bump), shapes_of, strict=True))
@@ -213,6 +214,7 @@ class Meeting:
         room = self._steps[0] if self.bumps else []
 
         def series(k: int, around: Around) -> list[Series]:
+            """Each of the results as a series around a place of a piece."""
             moved = [(e, bump.series(around)) for e, bump in zip(room, self.bumps, strict=True)]
             x, states, controls = self._moved(k, around, moved)
             arguments = self.statement.arguments(Jet(x), [Jet(s) for s in states], [Jet(s) for s in controls])

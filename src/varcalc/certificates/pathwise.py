@@ -175,6 +175,7 @@ class Pathwise:
         missed = [-enclosed(c, w, EQUATION_ORDER) for c, w in zip(along[0][0], along[1][0], strict=True)]
 
         def stepped(room: list[Ball], right: list[Ball]) -> list[Ball]:
+            """The e for which phi_y phi_y^T e = ``right``, phi_y anywhere in ``room``; Unproved where none is."""
             rows = self._beside(stated, piece, Around(box, 1, whole=True), room)[1]
             heads = [[head(v) for v in row] for row in rows]
             matrix = [[_dotted(row, other) for other in gradients] for row in heads]

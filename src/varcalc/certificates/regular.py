@@ -300,6 +300,7 @@ def _stated(along: AlongCurve, metric: Metric) -> Problem:
     across = {LINE_START: start, LINE_END: end} if start != end else {LINE_START: 0.0, LINE_END: 1.0}
 
     def placed(expression: Any, q: Any, p: Any) -> Any:
+        """An expression of the given problem at the new coordinates, with its numbers and its unit from ``p``."""
         values = [getattr(p, name) for name in given.parameters]
         place = ca.vertcat(*([s.y[0], q[1]] if i == 0 else [q[1], s.y[1]]))
         old, new = [s.y, s.parameters, metric.symbol], [place, ca.vertcat(*values), getattr(p, UNIT)]

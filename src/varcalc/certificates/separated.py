@@ -210,6 +210,7 @@ class Separated:
         lagrangian = TracedFunction(ca.Function("traced", arguments, [self.problem.integrand]), names)
 
         def cost(x0: Any, y0: Any, x1: Any, y1: Any, p: Any) -> Any:
+            """What was left out, to the second order in how far the end lies from where it was cut off."""
             by_slope, by_bend, place = (getattr(p, name) for name in added)
             off = (y1 if self.end else y0) - place
             return by_slope * off + by_bend * off**2 / 2

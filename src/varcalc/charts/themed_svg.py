@@ -78,6 +78,7 @@ def _themed(svg: str) -> ThemedSvg:
     used: dict[str, tuple[str, str, str]] = {}
 
     def variable(colour: str, words: bool) -> str:
+        """A reference to the variable of a colour, noted on its first use; ``words`` are to be readable in it."""
         name = f"--{'w' if words else 'c'}{colour[1:]}"
         if name not in used:
             least, dark = (READABLE, READABLE) if words else (1.0, VISIBLE)

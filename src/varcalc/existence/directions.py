@@ -279,6 +279,7 @@ def polygonal(x: np.ndarray, y: np.ndarray) -> CurveOrSlope:
     slopes = np.diff(y) / np.diff(x)
 
     def curve(at: np.ndarray, derivative: int) -> np.ndarray:
+        """The ordinates, or the slopes, at (m,) places: (n, m)."""
         if derivative == 0:
             return np.array([np.interp(at, x, row) for row in y])
         return slopes[:, np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)]

@@ -187,6 +187,7 @@ def _cheapest_rests(problem: Problem) -> list[tuple[float, float]]:
     width = problem.span[1] - problem.span[0]
 
     def terms(y: np.ndarray) -> np.ndarray:
+        """What a rest at each ordinate (k,) adds at each place, weights included: (k, places)."""
         count, places = len(y), len(x)
         at = np.tile(x, count), np.repeat(y, places)[None], np.zeros((1, count * places))
         return problem.sign * problem.integrand_values(*at).reshape(count, places) * weights
@@ -248,6 +249,7 @@ def on_level(problem: Problem, switch: Switch, curve: Curve) -> Curve:
     function = ca.Function("level", [s.x, s.y, s.parameters], [switch.argument / rates[1], -rates[0] / rates[1]])
 
     def along(x: np.ndarray, derivative: int) -> np.ndarray:
+        """The ordinates on the level, or the slopes, at x (m,): (1, m)."""
         numbers = np.tile(problem.parameter_values[:, None], (1, len(x)))
         y = curve(x, 0)
         for _ in range(STEPS_ONTO_KINK):
@@ -270,6 +272,7 @@ def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
     step = ca.Function("step", [s.x, s.y, s.dy, s.parameters], [newton])
 
     def slopes(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The slopes (1, m) with which the switch is zero at the points ``x`` and ``y``."""
         numbers = np.tile(problem.parameter_values[:, None], (1, len(x)))
         v = curve(x, 1)
         for _ in range(STEPS_ONTO_KINK):

@@ -82,6 +82,7 @@ class KeepingLevel(AlongAxes):
         """
 
         def told(x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+            """What is integrated, and the level, at points with a slope apart by each of the spreads: (K, V, ...)."""
             slopes = np.stack([v + turn * spread for spread in spreads for turn in turns])
             rows = (list(np.moveaxis(t @ self.axes, -1, 0)) for t in (y, slopes))
             shape = np.broadcast_shapes(x.shape, y.shape[:-1], slopes.shape[:-1])

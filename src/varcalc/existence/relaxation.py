@@ -254,6 +254,7 @@ class _RelaxedProgram:
         apart = steep - shallow
 
         def drawn(factor: float) -> np.ndarray:
+            """The start with the slopes of all pieces that ``factor`` times as far apart."""
             return np.concatenate(
                 [start[:inner], share, mean + (1 - share) * factor * apart, mean - share * factor * apart]
             )

@@ -199,6 +199,7 @@ def _held_between(
     s, points = problem.symbols, [point for _, point in _points(problem, marks, curve)]
 
     def rewritten(expression: Expression, integrated: bool) -> Expression:
+        """What the branch of each piece is rewritten to, chosen by where the abscissa is."""
         branches: dict[tuple[Instruction, ...], tuple[Expression, Expression]] = {}
         for here, point in zip(_within(symbols.x, marks), points, strict=True):
             branch = held([expression], s.all, point, loose=loose)[0]

@@ -172,6 +172,7 @@ def _ring(n: int, radius: float) -> Sampled:
     """A circle in the first two coordinates, counter-clockwise."""
 
     def circle(s: np.ndarray) -> np.ndarray:
+        """The points (n, m) at shares s (m,) of a turn."""
         out = np.zeros((n, len(s)))
         out[0], out[1 % n] = radius * np.cos(2 * math.pi * s), radius * np.sin(2 * math.pi * s)
         return out

@@ -142,6 +142,7 @@ def _kinks(form: Form) -> _Kinks | None:
     lifted: list[tuple[Expression, Expression]] = []
 
     def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+        """The operation, or a symbol for the greater of its sides where it is a kink that moves with the curve."""
         if operation not in CONTINUOUS or not ca.depends_on(operate(operation, operands), ca.vertcat(moving, *tops)):
             return operate(operation, operands)
         (argument,) = arguments(operation, operands)

@@ -151,6 +151,7 @@ class AttentiveFlow:
             return unseen
 
         def sides(values: np.ndarray) -> list[Between]:
+            """The boxes between neighbouring places, with what the values are at both."""
             first, last = values[:, :-1].reshape(-1, size).T, values[:, 1:].reshape(-1, size).T
             room = RANGE_MARGIN * np.abs(last - first)
             ranges = zip(np.minimum(first, last) - room, np.maximum(first, last) + room, strict=True)
@@ -292,6 +293,7 @@ def with_companions(system: ca.Function) -> ca.Function:
     arguments: list[Expression] = []
 
     def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+        """The operation; what it is to be watched for is kept, where it moves along a run."""
         for found, kept in zip(_watched(operation, operands), (arguments, logarithms), strict=True):
             for u in found:
                 moves = ca.depends_on(u, ca.vertcat(s, state))

@@ -92,6 +92,7 @@ def lower(system: ca.Function, arguments: list[list[Expression]]) -> list[Expres
     table = _unary(hy) | _binary(hy)
 
     def apply(operation: int, operands: Sequence[Expression]) -> Expression:
+        """An operation of heyoka; raises CannotLower for one that it has no series of."""
         if operation not in table:
             raise CannotLower(
                 f"the system uses `{NAMES.get(operation, operation)}`, which has no Taylor series the engine knows; "

@@ -111,6 +111,7 @@ class FlowOnDemand:
         """See :meth:`varcalc.integrators.protocol.Flow.ensemble`."""
 
         def carried(flow: Flow) -> Landing:
+            """The ensemble as the flow of one of the two engines carries it."""
             return flow.ensemble(
                 states, constants, start=start, until=until, level=level, longest=longest, dense=dense, leaving=leaving
             )

@@ -146,6 +146,7 @@ def _integral(rate: Series) -> Term:
 
 def _root(a: Series) -> Series:
     def term(k: int) -> Expression:
+        """The k-th coefficient, from a = w²."""
         if k == 0:
             return ca.sqrt(a[0])
         half, odd = k // 2, k % 2
@@ -169,6 +170,7 @@ def _power(a: Series, exponent: float) -> Series:
         return {2.0: squared, 3.0: _product(squared, a), 4.0: _square(squared)}[exponent]
 
     def term(k: int) -> Expression:
+        """The k-th coefficient, from a w' = ``exponent`` w a'."""
         if k == 0:
             return a[0] ** exponent
         terms = _convolved(a, result, k, range(1, k + 1), lambda j: exponent * j - (k - j))
@@ -190,6 +192,7 @@ def _along(a: Series, start: Callable[[Expression], Expression], slope: Callable
     """The series w of a function with w' = g a', from its first coefficient and g = ``slope(w)``."""
 
     def term(k: int) -> Expression:
+        """The k-th coefficient, from w' = g a'."""
         if k == 0:
             return start(a[0])
         return _times(_convolved(a, rate, k, range(1, k + 1), float), 1 / k)
@@ -212,7 +215,10 @@ def _pair(a: Series, odd: Any, even: Any, sign: float) -> tuple[Series, Series]:
     sine, cosine = Series(lambda _: 0), Series(lambda _: 0)
 
     def follows(start: Any, rate: Series, factor: float) -> Term:
+        """The coefficients of that one of the two whose derivative is ``factor`` times ``rate`` times a'."""
+
         def term(k: int) -> Expression:
+            """The k-th coefficient."""
             if k == 0:
                 return start(a[0])
             return _times(_convolved(a, rate, k, range(1, k + 1), float), factor / k)
@@ -242,6 +248,7 @@ def _atan2(y: Series, x: Series) -> Series:
     across, along = _quotient(x, radius), _quotient(y, radius)
 
     def term(k: int) -> Expression:
+        """The k-th coefficient of θ."""
         if k == 0:
             return ca.atan2(y[0], x[0])
         terms = range(1, k + 1)

@@ -211,6 +211,7 @@ class TaylorFlow:
         threads = threads_for(m)
 
         def share(number: int) -> None:
+            """Carries every so many of the batches, the first of them ``number``, on an integrator of its own."""
             integrator = copy.deepcopy(self._side_by_side) if number else self._side_by_side
             used = len(integrator.pars)
             for rows in lanes[number::threads]:

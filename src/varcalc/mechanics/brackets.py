@@ -32,6 +32,7 @@ def poisson(f: Observable, g: Observable) -> Observable:
     function("g", g)
 
     def bracket(q: Expression, p: Expression) -> Expression:
+        """The value at q and p (n,)."""
         n = q.numel()
         at_q, at_p = ca.SX.sym("q", n), ca.SX.sym("p", n)
         first, second = ca.SX(f(at_q, at_p)), ca.SX(g(at_q, at_p))

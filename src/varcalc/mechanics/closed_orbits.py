@@ -175,6 +175,7 @@ class ClosedOrbits(Shown):
         """A guess for the problem from a curve ``q``: times (m,) of the orbit, or one, to coordinates (n, m)."""
 
         def z(s: np.ndarray) -> np.ndarray:
+            """The coordinates of the problem (n, *s.shape) at its abscissae ``s``."""
             shares = np.atleast_1d(reals("s", s))
             places = np.asarray(q(self._unit * reals("s", s)), dtype=float).reshape(-1, len(shares))
             matrices, _ = self.frame.at(shares / self._length)

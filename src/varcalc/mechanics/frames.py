@@ -52,6 +52,7 @@ def charged(
     m, e = finite("mass", mass), finite("charge", charge)
 
     def lagrangian(t: Expression, q: Expression, v: Expression, *_: Any) -> Expression:
+        """The value at a time, coordinates and velocities."""
         a = vector_potential(t, q)
         a = ca.vertcat(*a) if isinstance(a, list | tuple) else a
         return m * ca.sumsqr(v) / 2 + e * (ca.dot(v, a) - potential(t, q))

@@ -55,6 +55,7 @@ class StateSymbols:
         inner = ca.Function("value", [*columns, self.p], [value])
 
         def outer(*arguments: Any) -> Expression:
+            """The value of the columns, and of p, the last, where there are parameters."""
             if not self.names:
                 return inner(*arguments, ca.SX(0, 1))
             return inner(*arguments[:-1], ca.vertcat(*(getattr(arguments[-1], name) for name in self.names)))

@@ -242,6 +242,7 @@ def unmet(problem: Functional, found: list[Crossing], knots: np.ndarray) -> list
     room = MADE_OUT * (problem.span[1] - problem.span[0])
 
     def missed(c: Crossing) -> bool:
+        """Whether the mesh knew nothing of a crossing."""
         if c.until is None or c.switch.depends_on(problem.symbols.highest):
             return not all(np.any(np.abs(knots - x) <= room) for x in (c.x, c.until) if x is not None)
         # a curve leaves a kink of its place slowly, and is on it for a while beyond the vertices

@@ -387,6 +387,7 @@ class _Isolation:
         values, done = np.empty(len(row)), np.zeros(len(row), dtype=bool)
 
         def function(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """The values (z,), positive at the left ends and zero where one was found, and their derivatives."""
             # what has come to round-off, and made its last step, stays there: it is not asked for with the others
             going = np.flatnonzero(~done)
             values[going] = self._true(row[going], at[going])

@@ -182,6 +182,7 @@ class EndMap:
         a, b = self.form.span
 
         def trajectory(s: np.ndarray) -> np.ndarray:
+            """The ordinates (1, m) at s (m,)."""
             at = (s - a) / (b - a) * (TRAJECTORY_POINTS - 1)
             k = np.clip(at.astype(int), 0, TRAJECTORY_POINTS - 2)
             r, h = at - k, 1.0 / (TRAJECTORY_POINTS - 1)

@@ -166,6 +166,7 @@ def _function(problem: Problem | Curve, expression: Expression) -> Along:
     rows = expression.numel()
 
     def evaluated(x: Any, y: Any, dy: Any, ddy: Any = (), *, unknowns: Mapping[str, float] | None = None) -> np.ndarray:
+        """The values (rows, *x.shape), or (*x.shape) of one row."""
         x = np.asarray(x, dtype=float)
         count = max(x.size, 1)
         sought = [{**problem.unknowns, **(unknowns or {})}[name] for name in problem.unknowns]

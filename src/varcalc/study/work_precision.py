@@ -226,6 +226,7 @@ def _warm(solution: Solution, answer: Any, repeats: int, seconds: float) -> floa
         variants = [problem, problem]
 
     def again(number: int) -> Solution:
+        """Solve again, with the parameter a little off and back, from the last answer."""
         nonlocal last
         last = answer(variants[number % 2], guess=last) if last.status.ok else last
         return last

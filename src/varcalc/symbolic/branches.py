@@ -189,6 +189,7 @@ def _trend(difference: Expression, variable: Expression, variables: Expression) 
     shares: list[Expression] = []
 
     def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+        """The operation, or any share of the way between both branches of one that is continuous."""
         if operation not in CONTINUOUS:
             return operate(operation, operands)
         shares.append(ca.SX.sym("share"))
@@ -208,6 +209,7 @@ def _steady(function: ca.Function) -> bool:
     sound = True
 
     def applied(operation: int, operands: Sequence[intervals.Interval]) -> intervals.Interval:
+        """The range of the operation; it is noted where that may be no number, or jump."""
         nonlocal sound
         place, least = DOMAINS.get(operation, (0, -math.inf))
         inside = operands[place][0] >= least or (operation in {ca.OP_INV, ca.OP_DIV} and operands[place][1] <= -least)

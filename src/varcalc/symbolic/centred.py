@@ -100,6 +100,7 @@ def _read(expression: Expression, position: Expression, tell: Told) -> tuple[np.
         return PolynomialOfPoint(float(value), np.zeros(d), np.zeros((d, d)))
 
     def told(part: PolynomialOfPoint | OfOneDistance) -> OfOneDistance:
+        """What an operand is as a function of the one distance."""
         if isinstance(part, OfOneDistance):
             return part
         return OfOneDistance(None, ca.SX(part.constant)) if part.is_constant else tell(part, u)
@@ -107,6 +108,7 @@ def _read(expression: Expression, position: Expression, tell: Told) -> tuple[np.
     def applied(
         operation: int, operands: Sequence[PolynomialOfPoint | OfOneDistance]
     ) -> PolynomialOfPoint | OfOneDistance:
+        """The operation on polynomials where it gives one, or else on functions of the one distance."""
         polynomials = [o for o in operands if isinstance(o, PolynomialOfPoint)]
         if len(polynomials) == len(operands) and not isinstance(operation, Call):
             if operation in COMPARISONS:  # of two sides it is the difference that counts

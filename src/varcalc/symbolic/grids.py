@@ -104,6 +104,7 @@ def on_grid(expression: Expression, position: Expression) -> OnGrid | None:
     strange: list[str] = []
 
     def applied(operation: int, operands: Sequence[_OnGrid]) -> _OnGrid:
+        """The operation as it is, and in the cells of its tables."""
         written = operate(operation, [o.written for o in operands])
         if not isinstance(operation, Call):
             if all(o.written is o.in_cell for o in operands):
@@ -176,6 +177,7 @@ def _polynomial(constants: Expression, arguments: Sequence[Expression]) -> Calla
         monomials[powers] = monomials[less] * factor
 
     def derivative(by: Sequence[int]) -> Expression:
+        """The derivative by arguments of these numbers, each as often as it is named."""
         total = ca.SX(0)
         for value, powers in zip(values, every, strict=True):
             left, factor = list(powers), 1

@@ -67,6 +67,7 @@ def _held(operation: int, least: float, greatest: float) -> Callable[[Interval],
     of = UNARY[operation]
 
     def held(a: Interval) -> Interval:
+        """The range over ``a``; NaN where ``a`` lies outside the domain."""
         outside = (a[1] < least) | (a[0] > greatest)
         low, high = (of(np.clip(v, least, greatest)) for v in a)
         return np.where(outside, math.nan, low), np.where(outside, math.nan, high)
@@ -137,6 +138,7 @@ def _cosine_from(start: float) -> Callable[[Interval], Interval]:
     """cos(a - start)."""
 
     def cosine(a: Interval) -> Interval:
+        """The range of cos(a - start)."""
         low, high = a[0] - start, a[1] - start
         turns, half = 2 * math.pi, math.pi
         top = np.floor(high / turns) >= np.ceil(low / turns)

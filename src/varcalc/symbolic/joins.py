@@ -91,6 +91,7 @@ class _Stated:
         turns = iter(likeness(self.arguments, [switch.argument for switch in sides], self.variables))
 
         def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+            """The operation, or what is put in its place."""
             for turn in [next(turns) for _ in arguments(operation, operands)]:
                 if turn.any() and (other := replaced(operation, operands, turn)) is not None:
                     return other
@@ -138,6 +139,7 @@ def _branch(stated: _Stated, sides: Sequence[tuple[Switch, int]]) -> Expression 
     two_sided = True
 
     def on_side(operation: int, operands: Sequence[Expression], turn: np.ndarray) -> Expression:
+        """The operation on the side of its switch; its first operand once anything has no two sides."""
         nonlocal two_sided
         two_sided = two_sided and operation in SIDES
         if not two_sided:
@@ -179,6 +181,7 @@ def _size_unfelt(stated: _Stated, switch: Switch) -> bool:
     size, variables = ca.SX.sym("size"), stated.variables
 
     def sized(operation: int, operands: Sequence[Expression], _: np.ndarray) -> Expression | None:
+        """The operation with ``size`` for the size of the difference of its sides; None of what is no kink."""
         if operation not in CONTINUOUS:
             return None
         a, b = operands[0], operands[-1]

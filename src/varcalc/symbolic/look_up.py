@@ -95,6 +95,7 @@ def as_sums(expression: ca.SX, watched: Expression) -> ca.SX:
         return expression
 
     def applied(operation: int, operands: Sequence[ca.SX]) -> ca.SX:
+        """The operation, or the sum of lines in the place of a table."""
         lines = _lines(operation.function) if isinstance(operation, Call) else None
         if lines is None or not ca.depends_on(operands[0], watched):
             return operate(operation, operands)
@@ -278,6 +279,7 @@ def in_cells(expression: Expression, symbols: Expression) -> InCells:
     constants: list[Expression] = []
 
     def applied(operation: int, operands: Sequence[_InCell]) -> _InCell:
+        """The operation as it is, and in a cell of its tables."""
         written = operate(operation, [o.written for o in operands])
         powers = _cubics(operation.function) if isinstance(operation, Call) else None
         if not isinstance(operation, Call) or powers is None:

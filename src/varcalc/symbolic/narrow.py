@@ -29,6 +29,7 @@ def _up_to(largest: float, rule: Callable[..., np.ndarray]) -> Callable[..., np.
     """A rule of an operation that makes nothing of what is larger, of its last operand."""
 
     def within(*operands: Between) -> np.ndarray:
+        """The rule, of a last operand without what is larger."""
         a = operands[-1]
         low, high, first, last = (np.clip(v, -largest, largest) for v in (*a.range, a.first, a.last))
         return rule(*operands[:-1], Between((low, high), first, last))
@@ -121,6 +122,7 @@ def _may_hide(function: ca.Function, low: np.ndarray, size: float) -> np.ndarray
     """
 
     def watched(operation: int, operands: Sequence[_Cornered]) -> _Cornered:
+        """The operation in squares, with the worst that anything up to it may hide."""
         variation = RULES.get(operation)
         worst = [o.worst for o in operands]
         if operation == ca.OP_IF_ELSE_ZERO:

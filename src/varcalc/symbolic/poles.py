@@ -33,6 +33,7 @@ def poles(expressions: Sequence[Expression], symbols: Sequence[Expression]) -> t
     found: list[Switch] = []
 
     def applied(operation: int, operands: Sequence[_Factored]) -> _Factored:
+        """The operation with its factors; where it may be singular is noted."""
         written = operate(operation, [o.written for o in operands])
         for argument in _singular(operation, operands):
             known = any(ca.is_equal(argument, one.argument, 8) for one in found)

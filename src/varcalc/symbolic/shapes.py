@@ -50,6 +50,7 @@ def shape(expressions: Sequence[Expression], symbols: Expression) -> WrittenShap
     found = [ca.SX(0)] * len(expressions)
 
     def written(part: _Written) -> Expression:
+        """The expression of a part; a number becomes a symbol, and its value is noted."""
         if part.expression is not None:
             return part.expression
         values.append(part.number)

@@ -176,6 +176,7 @@ class Sides:
         along = ca.vertcat(*(self.symbols[k] for k in self.moving))
 
         def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+            """The operation; what it switches by is noted."""
             used.extend(
                 SwitchingArgument(argument, operation in STEPPED) if _moves(argument, along) else None
                 for argument in arguments(operation, operands)
@@ -305,6 +306,7 @@ class Sides:
         step = {k: counts[2 * number : 2 * number + 2] for number, k in enumerate(self.stepped)}
 
         def applied(operation: int, operands: Sequence[_Part], used: Sequence[tuple[int, int] | None]) -> _Part:
+            """The operation on the side, and the places that it hangs on."""
             written = [part.written for part in operands]
             of = frozenset(use[0] for use in used if use is not None).union(*(part.of for part in operands))
             if all(isinstance(part, float) for part in written):

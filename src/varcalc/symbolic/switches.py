@@ -109,6 +109,7 @@ def tables(expression: Expression, symbols: Expression) -> tuple[Switch, ...]:
     found: list[Switch] = []
 
     def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+        """The operation; the tables that it looks up are noted."""
         if isinstance(operation, Call):
             for argument, edges in zip(operands, knots(operation.function)):  # noqa: B905  what is no table has none
                 levels = tuple(edges.tolist())
@@ -172,6 +173,7 @@ def held(
     variables = ca.vertcat(*(ca.vec(s) for s in symbols))
 
     def applied(operation: int, operands: Sequence[_Held]) -> _Held:
+        """The operation, or the side it is on at the point."""
         value = float(in_numbers(operation)(*(o.value for o in operands)))
         decisive = operands[:1] if operation == ca.OP_IF_ELSE_ZERO else operands
         kept = moving is not None and not any(ca.depends_on(o.written, moving) for o in decisive)
@@ -254,6 +256,7 @@ def units(
     switching: list[float] = []
 
     def applied(operation: int, operands: Sequence[_Sized]) -> _Sized:
+        """The size of the operation; that of its argument is noted where it switches."""
         if operation in SMOOTHED:
             argument = operands[0] if operation in ONE_SIDED else _measured(ca.OP_SUB, (operands[0], operands[-1]))
             switching.append(argument.unit())
@@ -275,6 +278,7 @@ def smoothed(
     left = iter(widths)
 
     def applied(operation: int, operands: Sequence[Expression]) -> Expression:
+        """The operation, smooth over the next width where it switches."""
         if operation in SMOOTHED:
             return SMOOTHED[operation](*operands, next(left))
         if operation in LOGICAL:

@@ -116,6 +116,7 @@ class AlongCurve:
         function = ca.Function("along", [*self.symbols.all, *self.multiplier_symbols], columns)
 
         def along(s: np.ndarray) -> list[np.ndarray]:
+            """The values at s (m,)."""
             out: Any = function.call(self.arguments(s))
             arrays = [
                 np.asarray(v).T.reshape(len(s), e.shape[1], e.shape[0]) for v, e in zip(out, expressions, strict=True)

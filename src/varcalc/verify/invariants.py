@@ -84,6 +84,7 @@ def _tower_function(along: AlongCurve) -> Callable[..., list[np.ndarray]]:
     tower = H.derivatives_of_y[: 2 * along.order]
 
     def evaluate(s: np.ndarray, *expressions: Expression) -> list[np.ndarray]:
+        """The values (m,) of each of the expressions at s (m,)."""
         arguments = along.arguments(s)
         curve = [along.evaluate(s, k) for k in range(2 * along.order)]
         inputs = [symbols.x, *tower, symbols.parameters, symbols.unknowns, *along.multiplier_symbols]

@@ -129,6 +129,7 @@ def canonical(accessory: Accessory, backward: bool = False, span: tuple[float, f
     swap = swapped(accessory)
 
     def matrix(s: np.ndarray) -> np.ndarray:
+        """The matrices (m, 2N, 2N) at s (m,)."""
         K = swap @ (accessory.canonical(a + b - s if backward else s) * (unit / unit[:, None])) @ swap.T
         if backward:
             N = accessory.N

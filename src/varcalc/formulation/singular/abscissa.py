@@ -71,6 +71,8 @@ def abscissa_form(problem: Problem) -> Form | None:
     free = np.array([np.nan])
 
     def pull(curve: Sampled) -> Sampled:
+        """A curve y(x) in the coordinates of the form."""
+
         def pulled(at: np.ndarray) -> np.ndarray:
             near = np.maximum(at if at_start else 1 - at, 1e-3)
             return (curve(corner[0] + inward * near**b) - corner[1]) / near**q

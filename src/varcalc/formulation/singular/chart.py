@@ -188,6 +188,7 @@ def graded_line(start: np.ndarray, end: np.ndarray, growth: float, singular: tup
         return line
 
     def graded(s: np.ndarray) -> np.ndarray:
+        """The points at s (m,), the tangential coordinate first."""
         head = s**growth if singular[0] else s
         tail = (1 - s) ** growth if singular[1] else 1 - s
         points = line(s)

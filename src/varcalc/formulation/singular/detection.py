@@ -218,6 +218,7 @@ def _metric(problem: Problem, conformal: bool) -> LengthElement:
     s = problem.symbols
 
     def square(q: Expression, dq: Expression, unknowns: Expression) -> Expression:
+        """L² at the point ``q``, a quadratic form of ``dq``."""
         old, new = [s.x, s.y, s.dy, s.unknowns], [q[0], q[1], s.kind(0), unknowns]
         if conformal:
             return ca.substitute([problem.integrand], old, new)[0] ** 2 * ca.sumsqr(dq)

@@ -109,6 +109,7 @@ class Energy:
             return form
 
         def placed(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            """The spans of s, and both ends of the form, at parameter values (k, parameters): a row for each."""
             points = ends_at(problem, values)
             own = chart.coordinates(points.reshape(-1, 2).T).T.reshape(-1, 2, 2)
             ends = own[:, 0], own[:, 1]
@@ -117,6 +118,7 @@ class Energy:
             return np.repeat(UNIT, len(points), axis=0), *ends
 
         def moved(other: Functional) -> Form:
+            """The form at the parameter values of another problem."""
             _, start, end = placed(other.parameter_values[None])
             there = replace(self, problem=other)
             # where one solution follows another, the expressions, differentiated once, are cheaper than numbers
@@ -268,6 +270,7 @@ def _energy_pull(
     graph = isinstance(problem, Problem)
 
     def pull(curve: Sampled) -> Sampled:
+        """A curve of the problem as a function of its share of the length, in the coordinates of the form."""
         # clustered at both ends, where regularised coordinates vary fastest
         fine = 0.5 - 0.5 * np.cos(np.linspace(0, math.pi, 401))
         if graph:

@@ -216,6 +216,8 @@ def _pull(frame: _Frame, place: ca.Function, singular: tuple[bool, bool]) -> Cal
     low, high = CLEAR if singular[0] else 0.0, 1 - CLEAR if singular[1] else 1.0
 
     def pull(curve: Sampled) -> Sampled:
+        """A curve y(x) as a function of t; at singular ends it is read a little inside."""
+
         def pulled(t: np.ndarray) -> np.ndarray:
             x, base, scale = (np.asarray(v) for v in place.map(len(t))(np.clip(t, low, high)[None]))
             return frame.unknowns(curve(x.ravel()) - base, scale)

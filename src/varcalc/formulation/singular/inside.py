@@ -62,12 +62,14 @@ def inside_form(problem: Problem) -> Form | None:
     ways = [(piece.anchor + step, speed) for piece, (step, speed) in zip(pieces, steps, strict=True)]
 
     def joined(parts: list[Expression]) -> Expression:
+        """One expression of what is said on each piece."""
         whole = parts[0]
         for piece, part in zip(pieces[1:], parts[1:], strict=True):
             whole = ca.if_else(symbols.x < piece.low, whole, part)
         return whole
 
     def rewrite(expression: Expression, integrated: bool) -> Expression:
+        """An expression of the problem in s."""
         # each piece on its own: distances from its anchor keep their digits
         stated = (
             rewriter(problem, symbols, x, symbols.y, [symbols.dy / speed], speed)(expression, integrated)

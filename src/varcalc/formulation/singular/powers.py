@@ -53,6 +53,8 @@ def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form | None:
     fixed = [0.0, far] if at_start else [far, 0.0]
 
     def pull(curve: Sampled) -> Sampled:
+        """A curve y(x) as w(t)."""
+
         def pulled(at: np.ndarray) -> np.ndarray:
             near = at if at_start else root - at
             return np.maximum(side * (curve(corner[0] + inward * near**b) - corner[1]), 0.0) ** (1.0 / a)

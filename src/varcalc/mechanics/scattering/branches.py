@@ -100,6 +100,7 @@ class Branches:
         start = self.z[cell, 0] + share * (self.z[cell, 1] - self.z[cell, 0])
 
         def left(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """How far the angle is from the wanted one, falling with z (n,), and its derivative."""
             impact, rate = self._impacts(interval, z)
             found = self.deflecting(impact)
             off = found.angle - wanted

@@ -113,6 +113,7 @@ class RestCurve:
         """The equilibrium in the plane across the tangent at a ``length`` from a station; None where there is none."""
 
         def across(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """What is left of the equations of equilibrium and of that of the plane (n + 1,), and their slopes."""
             pull, slope = self._slopes(z)
             off = here.tangent @ ((z - here.z) / self.size) - length
             return np.append(pull, off), np.vstack([slope, here.tangent])
@@ -150,6 +151,7 @@ class RestCurve:
         width = np.append(self.size, np.ones(len(start) - self._n - 1))
 
         def scaled(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """The equations and their slopes by what is counted in ``width``, each row over its largest slope."""
             values, slopes = (np.array(part) for part in function(z))
             slopes = slopes * width
             rows = np.maximum(np.abs(slopes).max(axis=1), 1e-300)
@@ -189,6 +191,7 @@ class RestCurve:
         plane, across = right[-2:], left[:, -1]
 
         def bend(one: np.ndarray, other: np.ndarray) -> float:
+            """The second derivative of the forces along two directions, as it is felt across the slopes' range."""
             ahead, behind = (
                 np.array(self.forces(z + sign * SECOND * one * self.size)[1]) * self.size for sign in (1, -1)
             )

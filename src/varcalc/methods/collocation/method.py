@@ -279,6 +279,7 @@ def levels_path(form: Form, base: np.ndarray) -> Callable[[float], Form]:
     """Forms whose prescribed integrals go from ``base`` to their own levels as the argument goes from 0 to 1."""
 
     def at(part: float) -> Form:
+        """The form with levels that part of the way from ``base`` to its own."""
         if part == 1.0:
             return form
         levels = [float(b + part * (c.lower - b)) for c, b in zip(form.conditions.integrals, base, strict=True)]
@@ -294,6 +295,7 @@ def ends_path(form: Form) -> Callable[[float], Form]:
     centre = np.nan_to_num(mean)  # a component that is free at an end is only scaled
 
     def at(part: float) -> Form:
+        """The form with its ends, and its start, at that part of their distance from the mean."""
         if part == 1.0:
             return form
         start, end = form.ends.start.copy(), form.ends.end.copy()

@@ -102,6 +102,7 @@ def _arc(form: Form, run: np.ndarray, rise: np.ndarray) -> Sampled:
     a, b = form.span
 
     def curve(s: np.ndarray) -> np.ndarray:
+        """The points (n, m) at s (m,)."""
         angle = np.pi * (s - a) / (b - a)
         along, across = 0.5 * (1.0 - np.cos(angle)), 0.5 * np.sin(angle)
         return form.start.curve(s) + run[:, None] * along + rise[:, None] * across
@@ -135,6 +136,7 @@ def _integral(form: Form) -> Callable[[Sampled], float]:
     numbers = in_columns(BASELINE_SAMPLES, form.problem.parameter_values, form.start.unknowns)
 
     def miss(curve: Sampled) -> float:
+        """What the integral along a curve is above its level, by the trapezoidal rule."""
         y = curve(s)
         dy = np.gradient(y, s, axis=1, edge_order=2)
         ddy = np.gradient(dy, s, axis=1, edge_order=2) if form.order == 2 else np.zeros((0, BASELINE_SAMPLES))

@@ -467,6 +467,7 @@ class CollocationSystem:
         coefficients = values @ inverse.T
 
         def multiplier(s: np.ndarray) -> np.ndarray:
+            """The values (m,) at s (m,)."""
             element = np.clip(np.searchsorted(vertices, s, side="right") - 1, 0, len(vertices) - 2)
             local = 2 * (s - vertices[element]) / np.diff(vertices)[element] - 1
             return (np.polynomial.legendre.legvander(local, self.points - 1) * coefficients[element]).sum(1)

@@ -167,6 +167,7 @@ class EnergyLines(Lines[AnchorFunctions]):
         goals = np.log(wanted), -np.log(constant)
 
         def short(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """What is left at log v = ``theta`` (m,), falling, and its derivative, NaN where it leads nowhere."""
             excess, value, slope = functions.slope(*place, *_direction(theta, direction), lam)
             steep[value < -NEARLY * at_rest] = False
             size = np.where(steep, value, excess)

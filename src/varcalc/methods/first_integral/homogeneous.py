@@ -45,6 +45,7 @@ def homogeneous(expression: Expression, slope: Expression, c: Expression, s: Exp
     arguments = [[Scaled({1.0: scale * s})], *([Scaled({0.0: v})] for v in others)]
 
     def apply(operation: int, operands: Sequence[Scaled]) -> Scaled:
+        """An operation by its rule on sums of powers of c, or written out where it has none."""
         rule = _SCALED.get(operation)
         result = None if rule is None else rule(c, *operands)
         return Scaled({0.0: operate(operation, [a.plain(c) for a in operands])}) if result is None else result

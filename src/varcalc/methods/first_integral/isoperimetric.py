@@ -45,6 +45,7 @@ def starts(integrands: ReducedIntegrands, ends: EndValues, row: int) -> list[Lev
         return y0 + rise * u + 4 * height * u * (1 - u), (rise + 4 * height * (1 - 2 * u)) / ends.width
 
     def level(heights: np.ndarray) -> np.ndarray:
+        """How far curves of some heights (k,) are from the level, (k,)."""
         y, slope = curve(heights[:, None])
         radius = np.hypot(1.0, slope / integrands.scale)
         parts = integrands.at(np.tile(x, len(heights)), y.ravel(), slope.ravel())[1, 0].reshape(y.shape)

@@ -150,6 +150,7 @@ class Reduction(ABC):
             return miss + least
 
         def shape(other: Joined) -> np.ndarray:
+            """How far another curve lies above this one at the places; beyond its end it is not counted."""
             covered = self.reaching(ends, float(other.measured.x[0]))
             moved = self.curve(other.batch, other, covered)(np.minimum(at, covered.x1), 0)[0]
             return np.where(at < covered.x1, moved - y, 0.0)

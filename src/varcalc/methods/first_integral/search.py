@@ -127,6 +127,7 @@ def solved(family: CurveFamily, parameter: float, multipliers: np.ndarray, aim: 
     steps = DIFFERENCE * np.array([family.unit, *(np.abs(multipliers) + (multipliers == 0))])
 
     def miss(columns: np.ndarray) -> tuple[np.ndarray, CurveIntegrals]:
+        """How far the curves of some unknowns, a column each, are from target and levels, over their sizes."""
         measured = family.lines.measure(family.batch(columns[0], columns[1:]))
         rows = np.vstack([measured.x - aim.target, measured.levels - aim.levels[:, None]])
         return rows / sizes[:, None], measured
@@ -159,6 +160,7 @@ def _differences(
     *larger, smallest = SHRINKING
 
     def at(scale: float) -> tuple[np.ndarray, np.ndarray, CurveIntegrals]:
+        """The residual, and its differences by steps that many times as large."""
         h = np.diag(scale * steps)
         rows, measured = miss(np.column_stack([unknowns, unknowns[:, None] + h, unknowns[:, None] - h]))
         forward, backward = rows[:, 1 : k + 1] - rows[:, :1], rows[:, :1] - rows[:, k + 1 :]

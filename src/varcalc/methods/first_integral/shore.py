@@ -100,6 +100,7 @@ def landed(
     """
 
     def slope(point: np.ndarray, along: np.ndarray) -> float:
+        """The derivative of the value along the curve, in the sense of ``along``; NaN where no extremal goes there."""
         found = best(point)
         if found is None:
             return float("nan")

@@ -300,6 +300,7 @@ def _change(found: Estimate, z: np.ndarray, integrand: np.ndarray) -> float:
     system, levels = found.system, found.miss[: len(found.system.levels)]
 
     def sampled(s: np.ndarray) -> np.ndarray:
+        """The integrand, with the levels' multipliers, at s (m,)."""
         source, variables = system.integrands_at(s), system.along(z, s)
         same = system.form.same_functional
         values = source.values(variables)[:, 0] if same else source.reported(variables).integrand

@@ -269,6 +269,7 @@ class _Collocated:
         sizes = np.maximum(sizes, 1e-3 * float(sizes.max()))
 
         def correction(point: _Point) -> np.ndarray | None:
+            """Newton's correction at a point; None where the matrix is singular."""
             try:
                 return np.linalg.solve(matrix, -point.residual.ravel() / rows)
             except np.linalg.LinAlgError:

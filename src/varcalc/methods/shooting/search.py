@@ -276,6 +276,7 @@ class Search:
         paths = None if result.at is None else segments.paths(result.x, 0)
 
         def states_at(segment: np.ndarray, t: np.ndarray) -> np.ndarray:
+            """The states at places of segments, from the runs where these were kept, or else from the start."""
             if paths is not None:
                 return paths.states_at(segment, t)
             pieces = np.column_stack([segments.vertices[segment], segments.vertices[segment + 1]])

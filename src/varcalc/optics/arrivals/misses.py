@@ -94,6 +94,7 @@ def _met(cells: Cells, targets: np.ndarray, ahead: np.ndarray) -> tuple[np.ndarr
     change, last = end[..., MOVED] - start[..., MOVED] - turned, length * end[..., TURNED] - turned
 
     def at(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The places and directions at shares u of the intervals, and how far ahead of the line the places are."""
         place = r + u * (p + u * (q / 2 + u * (c3 + u * (c4 + u * c5))))
         going = p + u * (q + u * (3 * c3 + u * (4 * c4 + u * 5 * c5)))
         return place, going, np.sum(place * ahead, axis=2)[..., None]

@@ -221,17 +221,20 @@ class TwoPoint:
         """
 
         def started(rows: np.ndarray) -> Beam:
+            """The rays of some rows at their sources, with their neighbours."""
             some = ends.take(rows)
             index = self.full.fields[0].index(some.sources)
             return launched(some.sources, known.headings[rows], index, neighbours=True)
 
         def carried(full: Propagator, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """How some rays spread, and which of them miss their targets."""
             end, some = full.through_all(started(rows), known.paths[rows])[1], ends.take(rows)
             off, apart = (np.linalg.norm(p - some.targets, axis=1) for p in (end.position, some.sources))
             return spreading(end), ~(off <= CARRIED_WELL * apart)
 
         @cache
         def spread() -> np.ndarray:
+            """How all rays spread (k,), found once."""
             out, again = np.empty(len(known)), careful.copy()
             if not np.all(careful):
                 rows = np.flatnonzero(~careful)
@@ -328,6 +331,7 @@ def _bounds(
     n = int(source.max()) + 1
 
     def gathered(ufunc: np.ufunc, values: np.ndarray, start: float) -> np.ndarray:
+        """What a ufunc makes of the values of each source, and of ``start``."""
         out = np.full((n, *values.shape[1:]), start)
         ufunc.at(out, source, values)
         return out
@@ -529,10 +533,13 @@ class PairSearch:
         """The rays of pairs that are known to be all."""
 
         def carried_by(model: Model | None) -> Carry:
+            """How a model carries rays; None stands for the model of the search."""
+
             def carry(
                 question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
                 counts: np.ndarray,
             ) -> list[tuple[Ray | None, float]]:  # fmt: skip
+                """The rays of some questions as the model carries them."""
                 some = ends.take(question)
                 return self._problem(some, model).built(some, headings, paths, touching, counts)
 

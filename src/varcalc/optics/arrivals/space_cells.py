@@ -363,6 +363,7 @@ def _met(
     c3, c4, c5 = 10 * gap - 4 * gain + bend / 2, -15 * gap + 7 * gain - bend, 6 * gap - 3 * gain + bend / 2
 
     def at(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The places and directions at shares u of the intervals, and both along ``ahead``."""
         place = r + u * (p + u * (q / 2 + u * (c3 + u * (c4 + u * c5))))
         going = p + u * (q + u * (3 * c3 + u * (4 * c4 + u * 5 * c5)))
         return place, going, *(np.sum(v * ahead, axis=3, keepdims=True) for v in (place, going))

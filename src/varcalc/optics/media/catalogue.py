@@ -54,6 +54,7 @@ def selfoc(index: float = 1.5, gradient: float = 1.0) -> Graded:
     """
 
     def index_at(*arguments: Any) -> ca.SX:
+        """The index at a position, whose numbers are in p, the last argument."""
         *position, p = arguments
         across = ca.vertcat(*position[:-1])
         return p.index * ca.sqrt(1 - p.gradient**2 * ca.sumsqr(across))
@@ -108,6 +109,7 @@ def standard_atmosphere(wavelength: float = 0.55, earth_radius: float | None = N
     """
 
     def index(height: ca.SX, p: Any) -> ca.SX:
+        """The index at a height above the ground."""
         check_wavelength(p.wavelength, (0.3, 1.7))
         sigma = 1 / p.wavelength**2
         at_15 = 1e-8 * (8342.54 + 2406147 / (130 - sigma) + 15998 / (38.9 - sigma))

@@ -137,6 +137,7 @@ def _problem(question: Question, path: _Path) -> Problem:
     unknowns |= {f"T{k}": share for k, share in enumerate(path.shares[:-1])}
 
     def lagrangian(x: Any, y: Any, dy: Any, p: Any) -> Any:
+        """The energy of all legs at x, the points and the shares read from ``p``."""
         points = [
             chart.point(ca.vertcat(*(getattr(p, f"P{k}_{i}") for i in range(d - 1)))) for k, chart in enumerate(charts)
         ]

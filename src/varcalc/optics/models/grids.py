@@ -40,6 +40,7 @@ def _force(grid: OnGrid) -> Force:
         return ca.substitute([expression], known, [value, ca.vec(slope)])[0]
 
     def along(moved: Expression) -> Expression:
+        """The rate of the force while the position moves at the rate ``moved``."""
         shift = ca.jtimes(arguments, position, moved)
         turned = [bend[:, k * count : (k + 1) * count] @ shift for k in range(count)]
         rates = ca.vertcat(moved, slopes @ shift, *turned)

@@ -357,6 +357,7 @@ class HamiltonRays:
             trajectories.append(run.trajectory)
 
         def at(sigma: np.ndarray) -> Beam:
+            """The ray at σ (m,)."""
             part = np.maximum(np.searchsorted(starts, sigma, side="right") - 1, 0)
             states = np.empty((len(sigma), state.shape[1]))
             for k in np.unique(part):
@@ -472,6 +473,7 @@ class HamiltonRays:
             return lambda states: surface.belongs(states[:, :d])
 
         def flat(states: np.ndarray) -> np.ndarray:
+            """Whether n² is level at states (k, 2d + ...), next to how it bends and how slow the ray is."""
             _, gradient, hessian = self._field(states[:, :d])
             bend, squared = np.linalg.norm(hessian, axis=(1, 2)), np.sum(states[:, d : 2 * d] ** 2, axis=1)
             return np.sum(gradient**2, axis=1) <= FLAT * bend * squared
@@ -497,6 +499,7 @@ class HamiltonRays:
         d = self.dimension
 
         def stops(state: Expression, constants: Expression) -> Expression:
+            """What vanishes where a ray ends: the surfaces' levels, where it is dark and how far it is followed."""
             levels, bound = [surface.surface.level(state[:d]) for surface in self.surfaces], constants[0]
             end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
             return ca.vertcat(*levels, ca.sumsqr(state[d : 2 * d]) - constants[1], end)

@@ -98,6 +98,7 @@ class Invariants(Model):
             question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
             counts: np.ndarray,
         ) -> list[tuple[Ray | None, float]]:  # fmt: skip
+            """The rays of the one question there is."""
             return built(headings, paths, touching)  # there is one question, and nothing is carried twice
 
         return function.rays(a, b, np.array([question.within]), carry)[0]
@@ -198,6 +199,7 @@ class InvariantRays:
         length = float(free.came[0])
 
         def at(sigma: np.ndarray) -> Beam:
+            """The ray at σ (m,)."""
             many = beam.take(np.zeros(len(sigma), dtype=int))
             run = _Run(profile, (), many, NOTHING, np.full(len(sigma), np.inf), sigma, free.nodes)
             carried = run.carried()[0].beam

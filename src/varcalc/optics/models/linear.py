@@ -283,6 +283,7 @@ def _least(terms: Sequence[tuple[float, np.ndarray, np.ndarray]], sigma: np.ndar
     high = np.clip(farthest, 0.0, sigma)
 
     def sums(at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The sum at σ (m,), and its first two derivatives."""
         parts = [(w, a * np.exp(2 * w * at), b * np.exp(-2 * w * at)) for w, a, b in terms]
         return (
             np.sum([up + down for _, up, down in parts], axis=0),

@@ -77,6 +77,7 @@ class ParabolicRays:
         starts = np.array([piece.start for piece in pieces])
 
         def at(sigma: np.ndarray) -> Beam:
+            """The ray at σ (m,)."""
             number = np.maximum(np.searchsorted(starts, sigma, side="right") - 1, 0)
             out = beam.take(np.zeros(len(sigma), dtype=int))
             for k in np.unique(number):

@@ -72,6 +72,7 @@ class QuadraticIndex:
                 question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
                 counts: np.ndarray, first: int = first,
             ) -> list[tuple[Ray | None, float]]:  # fmt: skip
+                """Carry rays, whose questions are counted from the first of this part."""
                 return carry(question + first, headings, paths, touching, counts)
 
             def told_there(told: Told, first: int = first) -> list[Ray]:

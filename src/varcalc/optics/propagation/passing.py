@@ -182,6 +182,7 @@ class _Followed:
         side = self.side[rows, number]
 
         def falling(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """The slope of the level at shares u of the step, falling, and its derivative."""
             position, momentum, pull = now.at(u)[:3]
             _, slope, bend = geometry.along(position, momentum)
             bend = bend + np.sum(geometry.gradient(position) * pull, axis=1)

@@ -363,6 +363,7 @@ class Propagator:
         model = self.models[number]
 
         def carry(part: slice) -> None:
+            """Advance a part of the beam, into ``parts``."""
             if isinstance(model, HamiltonRays):
                 parts[part.start] = model.advance(beam.take(part), limit[part], leaving, watch)
             else:
