@@ -13,9 +13,10 @@ import varcalc as vc
 from varcalc.certificates import Scope
 from varcalc.certificates.balls import working
 from varcalc.certificates.bounds import Bounds
+from varcalc.certificates.by_tube import bounded
 from varcalc.certificates.choice import silent
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.proof import BITS, SERIES_LENGTH, _bounded
+from varcalc.certificates.proof import BITS, SERIES_LENGTH
 from varcalc.certificates.setting import setting_along
 from varcalc.verify.along_curve import along_curve
 
@@ -295,7 +296,7 @@ def test_a_wrong_curve_within_bounds_widens_the_interval_or_is_refused(name, pow
         held = Bounds(replace(along, evaluate=wrong))
         try:
             held.prove_signs()
-            certificate = _bounded(solution, setting_along(held.plain, solution.value, held.terms), silent, held)[2]
+            certificate = bounded(solution, setting_along(held.plain, solution.value, held.terms), silent, held)[2]
         except Unproved:
             return
     assert holds(certificate, exact())

@@ -9,9 +9,10 @@ import pytest
 
 import varcalc as vc
 from varcalc.certificates.balls import enclosed, flint, nodes, working
+from varcalc.certificates.by_tube import certified
 from varcalc.certificates.curve import CURVE_DEGREE
 from varcalc.certificates.field import propagated
-from varcalc.certificates.proof import BITS, SERIES_LENGTH, certified
+from varcalc.certificates.proof import BITS, SERIES_LENGTH
 from varcalc.verify.candidate import candidate
 
 

@@ -9,7 +9,8 @@ import pytest
 
 import varcalc as vc
 from varcalc.certificates.balls import flint
-from varcalc.certificates.jets import Jet, Undecided, jets
+from varcalc.certificates.jets import Jet, jets
+from varcalc.certificates.smooth import Undecided
 from varcalc.symbolic.instructions import Program
 
 KNOTS = [-1.0, -0.4, -0.1, 0.3, 0.75, 1.0]

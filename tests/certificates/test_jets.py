@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from varcalc.certificates.balls import flint, working
-from varcalc.certificates.jets import ABSCISSA, Jet, Undecided, head, jets, switches_between, without_enclosure
+from varcalc.certificates.jets import ABSCISSA, Jet, jets, switches_between, without_enclosure
+from varcalc.certificates.smooth import Undecided, head
 from varcalc.symbolic.instructions import Program
 
 mpmath.mp.dps = 40

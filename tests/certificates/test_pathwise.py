@@ -10,10 +10,11 @@ import pytest
 import varcalc as vc
 from varcalc.certificates import Scope
 from varcalc.certificates.balls import working
+from varcalc.certificates.by_tube import bounded
 from varcalc.certificates.choice import silent
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.pathwise import pathwise
-from varcalc.certificates.proof import BITS, SERIES_LENGTH, _bounded
+from varcalc.certificates.proof import BITS, SERIES_LENGTH
 from varcalc.certificates.setting import setting_along
 from varcalc.study.reference import load
 from varcalc.verify.candidate import candidate
@@ -168,7 +169,7 @@ def check_or_refuse(solution, along, refusable, bounds, exact=None):
     with working(BITS, SERIES_LENGTH):
         try:
             held = next(pathwise(along))
-            certificate = _bounded(solution, setting_along(held.along, solution.value, held.terms), silent, held)[2]
+            certificate = bounded(solution, setting_along(held.along, solution.value, held.terms), silent, held)[2]
         except Unproved:
             assert refusable
             return

@@ -11,8 +11,9 @@ import pytest
 import varcalc as vc
 from varcalc.certificates import Scope
 from varcalc.certificates.balls import working
+from varcalc.certificates.by_tube import certified
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.proof import BITS, SERIES_LENGTH, certified
+from varcalc.certificates.proof import BITS, SERIES_LENGTH
 from varcalc.verify.candidate import candidate
 
 

@@ -10,8 +10,9 @@ import pytest
 
 import varcalc as vc
 from varcalc.certificates.balls import working
+from varcalc.certificates.by_tube import certified
 from varcalc.certificates.piecewise import value
-from varcalc.certificates.proof import BITS, SERIES_LENGTH, certified
+from varcalc.certificates.proof import BITS, SERIES_LENGTH
 from varcalc.certificates.splines import Spline, polynomial_of, spline
 from varcalc.symbolic.instructions import Call, instructions
 from varcalc.symbolic.look_up import within_knots

@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from varcalc.certificates.balls import flint
-from varcalc.certificates.jets import SELECTED, Algebra, Jet, Undecided
+from varcalc.certificates.jets import SELECTED, Algebra, Jet
+from varcalc.certificates.smooth import Undecided
 from varcalc.certificates.statement import Statement
 from varcalc.symbolic.instructions import Call
 

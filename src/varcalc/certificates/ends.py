@@ -15,7 +15,8 @@ from varcalc.certificates.cost import Cost
 from varcalc.certificates.curve import Samples, end_values
 from varcalc.certificates.field import JacobiFields
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, Undecided
+from varcalc.certificates.jets import Jet
+from varcalc.certificates.smooth import Undecided
 from varcalc.certificates.statement import Statement
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import numpy as np
 from varcalc.certificates.balls import Around, Ball, Box, Series, coefficient, enclosed, flint, integral, largest
 from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import dynamics
-from varcalc.certificates.jets import Undecided, head
+from varcalc.certificates.smooth import Undecided, head
 from varcalc.certificates.statement import Statement
 
 INTEGRAL_ORDER = 20

@@ -15,16 +15,23 @@ import casadi as ca
 import numpy as np
 
 from varcalc.certificates.balls import Series, flint
+from varcalc.certificates.smooth import (
+    SMOOTH,
+    Undecided,
+    arctangent,
+    exponential,
+    head,
+    inverse,
+    logarithm,
+    power,
+    root,
+)
 from varcalc.certificates.splines import cell_of, horner, smooth_at, spline
 from varcalc.symbolic.instructions import NAMES, Call, Program, instructions
 from varcalc.symbolic.look_up import WITHIN
 
 Switch: TypeAlias = int | tuple[int, ...] | None
 """A sign, the number of a stair or those that it may be, or None where that is not known."""
-
-
-class Undecided(ArithmeticError):
-    """An operation has no value, or none that is smooth, throughout a box."""
 
 
 class Crossed(Undecided):
@@ -197,18 +204,15 @@ class Algebra:
 
     def quotient(self, a: Jet, b: Jet) -> Jet:
         """The quotient."""
-        return self.product(a, self.chained(b, *_inverse(b.value, self.order)))
+        return self.product(a, self.chained(b, *inverse(b.value, self.order)))
 
     def power(self, a: Jet, b: Jet) -> Jet:
         """a^b: by multiplication where b is whole, else for a > 0."""
         exponent = _number(b)
         if exponent is None:
-            return self.chained(self.product(b, self.chained(a, *_logarithm(a.value, self.order))), *self._exp(a, b))
-        return self.chained(a, *_power(a.value, exponent, self.order))
-
-    def _exp(self, a: Jet, b: Jet) -> tuple[Series, Series, Series]:
-        value = _exp(_positive(a.value, "pow").log() * b.value)
-        return value, value, value
+            raised = self.product(b, self.chained(a, *logarithm(a.value, self.order)))
+            return self.chained(raised, *exponential(raised.value, self.order))
+        return self.chained(a, *power(a.value, exponent, self.order))
 
 
 def _crossed(a: dict[int, Series], b: dict[int, Series]) -> dict[tuple[int, int], Series]:
@@ -221,183 +225,12 @@ def _crossed(a: dict[int, Series], b: dict[int, Series]) -> dict[tuple[int, int]
     return second
 
 
-def head(value: Series) -> Any:
-    """The leading coefficient: what the series takes at its point, or points."""
-    return value[0] if isinstance(value, flint().arb_series) else value
-
-
-def _positive(value: Series, name: str) -> Series:
-    if not head(value) > 0:
-        raise Undecided(f"{name} of what is not positive throughout")
-    return value
-
-
-def reciprocal(value: Series) -> Series:
-    """1/value; Undecided where that may vanish."""
-    if head(value).contains(0) or not head(value).is_finite():
-        raise Undecided("a division by what may vanish")
-    return 1 / value
-
-
-def _exp(value: Series) -> Series:
-    return value.exp()
-
-
 def _number(jet: Jet) -> Any:
     """The one number a jet stands for; None where it is none."""
     value = jet.value
     if jet.first or isinstance(value, flint().arb_series) or not value.is_exact():
         return None
     return value
-
-
-Chain = tuple[Series, ...]
-"""f, f' and f'' at a value, as far as they are asked for."""
-
-
-def _inverse(a: Series, order: int) -> Chain:
-    value = reciprocal(a)
-    slope = -(value * value)
-    return value, slope, -2 * slope * value if order == 2 else None
-
-
-def _power(a: Series, exponent: Any, order: int) -> Chain:
-    """Of a number c: a^c, c a^(c-1), c (c-1) a^(c-2)."""
-    results, factor = [], flint().arb(1)
-    for k in range(order + 1):
-        results.append(factor * _plain_power(a, exponent - k) if not factor.is_zero() else factor)
-        factor = factor * (exponent - k)
-    return tuple(results)
-
-
-def _plain_power(a: Series, exponent: Any) -> Series:
-    """a^c of an exact number c, to which whole numbers were added."""
-    whole = exponent.unique_fmpz()
-    if whole is not None:
-        n = int(whole)
-        return _whole_power(a, n) if n >= 0 else _whole_power(reciprocal(a), -n)
-    twice = (2 * exponent).unique_fmpz()
-    _positive(a, "pow")
-    if twice is not None:
-        root = a.sqrt()
-        n = int(twice)
-        return root**n if n > 0 else reciprocal(root ** (-n))
-    return _exp(exponent * a.log())
-
-
-def _whole_power(a: Series, n: int) -> Series:
-    """a^n for n >= 0, by squares; python-flint's own power of a ball about zero is not a number."""
-    if n < 2:
-        return a if n else flint().arb(1)
-    half = _whole_power(a, n // 2)
-    return half * half * a if n % 2 else half * half
-
-
-def _root(a: Series, order: int) -> Chain:
-    value = _positive(a, "sqrt").sqrt()
-    if order == 0:
-        return (value,)
-    slope = reciprocal(2 * value)
-    return value, slope, -2 * slope * slope * slope if order == 2 else None
-
-
-def _logarithm(a: Series, order: int) -> Chain:
-    value = _positive(a, "log").log()
-    inverse = reciprocal(a)
-    return value, inverse, -(inverse * inverse)
-
-
-def _exponential(a: Series, order: int) -> Chain:
-    value = _exp(a)
-    return value, value, value
-
-
-def _sine(a: Series, order: int) -> Chain:
-    sine = a.sin()
-    return sine, a.cos() if order else None, -sine
-
-
-def _cosine(a: Series, order: int) -> Chain:
-    cosine = a.cos()
-    return cosine, -a.sin() if order else None, -cosine
-
-
-def _tangent(a: Series, order: int) -> Chain:
-    value = a.sin() * reciprocal(a.cos())
-    slope = 1 + value * value
-    return value, slope, 2 * value * slope
-
-
-def _hyperbolic(a: Series) -> tuple[Series, Series]:
-    growing = _exp(a)
-    falling = reciprocal(growing)
-    return (growing - falling) / 2, (growing + falling) / 2
-
-
-def _sinh(a: Series, order: int) -> Chain:
-    sine, cosine = _hyperbolic(a)
-    return sine, cosine, sine
-
-
-def _cosh(a: Series, order: int) -> Chain:
-    sine, cosine = _hyperbolic(a)
-    return cosine, sine, cosine
-
-
-def _tanh(a: Series, order: int) -> Chain:
-    value = 1 - 2 * reciprocal(1 + _exp(2 * a))
-    slope = 1 - value * value
-    return value, slope, -2 * value * slope
-
-
-def _arctangent(a: Series, order: int) -> Chain:
-    slope = reciprocal(1 + a * a)
-    return a.atan(), slope, -2 * a * slope * slope
-
-
-def _arcsine(a: Series, order: int) -> Chain:
-    rest = _positive(1 - a * a, "asin")
-    slope = reciprocal(rest.sqrt())
-    return a.asin(), slope, a * slope * reciprocal(rest)
-
-
-def _arccosine(a: Series, order: int) -> Chain:
-    value, slope, bend = _arcsine(a, order)
-    return flint().arb.pi() / 2 - value, -slope, -bend
-
-
-def _arsinh(a: Series, order: int) -> Chain:
-    rest = 1 + a * a
-    root = rest.sqrt()
-    # odd: of the size, so that no digits are lost where a is negative and large
-    value = (a + root).log() if not head(a) < 0 else -((root - a).log())
-    return value, reciprocal(root), -a * reciprocal(rest * root)
-
-
-def _arcosh(a: Series, order: int) -> Chain:
-    rest = _positive(a * a - 1, "acosh")
-    root = rest.sqrt()
-    return (_positive(a, "acosh") + root).log(), reciprocal(root), -a * reciprocal(rest * root)
-
-
-def _artanh(a: Series, order: int) -> Chain:
-    rest = _positive(1 - a * a, "atanh")
-    slope = reciprocal(rest)
-    return ((1 + a) * reciprocal(1 - a)).log() / 2, slope, 2 * a * slope * slope
-
-
-def _log1p(a: Series, order: int) -> Chain:
-    return _logarithm(1 + a, order)
-
-
-def _expm1(a: Series, order: int) -> Chain:
-    value = _exp(a)
-    return value - 1, value, value
-
-
-def _error_function(a: Series, order: int) -> Chain:
-    slope = 2 * _exp(-(a * a)) / flint().arb.pi().sqrt()
-    return a.erf(), slope, -2 * a * slope
 
 
 def _sign(jet: Jet) -> int | None:
@@ -482,16 +315,16 @@ def _where(algebra: Algebra, condition: Jet, value: Jet) -> Jet:
 
 def _hypotenuse(algebra: Algebra, a: Jet, b: Jet) -> Jet:
     square = algebra.sum(algebra.product(a, a), algebra.product(b, b))
-    return algebra.chained(square, *_root(square.value, algebra.order))
+    return algebra.chained(square, *root(square.value, algebra.order))
 
 
 def _angle(algebra: Algebra, y: Jet, x: Jet) -> Jet:
     """atan2(y, x), away from the line x = 0."""
     if algebra.sign(x, "atan2") > 0:
         ratio = algebra.quotient(y, x)
-        return algebra.chained(ratio, *_arctangent(ratio.value, algebra.order))
+        return algebra.chained(ratio, *arctangent(ratio.value, algebra.order))
     ratio = algebra.quotient(x, y)
-    turned = algebra.chained(ratio, *_arctangent(ratio.value, algebra.order))
+    turned = algebra.chained(ratio, *arctangent(ratio.value, algebra.order))
     right = flint().arb.pi() / 2 * algebra.sign(y, "atan2")
     return algebra.sum(Jet(right), turned, -1)
 
@@ -526,15 +359,6 @@ LINEAR: dict[int, Callable[..., Jet]] = {
     ca.OP_CONSTPOW: lambda algebra, a, b: algebra.power(a, b),
 }
 """Operations of arithmetic."""
-
-SMOOTH: dict[int, Callable[[Series, int], Chain]] = {
-    ca.OP_SQ: lambda a, _: (a * a, 2 * a, flint().arb(2)),
-    ca.OP_INV: _inverse, ca.OP_SQRT: _root, ca.OP_EXP: _exponential, ca.OP_LOG: _logarithm,
-    ca.OP_SIN: _sine, ca.OP_COS: _cosine, ca.OP_TAN: _tangent, ca.OP_ASIN: _arcsine, ca.OP_ACOS: _arccosine,
-    ca.OP_ATAN: _arctangent, ca.OP_SINH: _sinh, ca.OP_COSH: _cosh, ca.OP_TANH: _tanh, ca.OP_ASINH: _arsinh,
-    ca.OP_ACOSH: _arcosh, ca.OP_ATANH: _artanh, ca.OP_LOG1P: _log1p, ca.OP_EXPM1: _expm1, ca.OP_ERF: _error_function,
-}  # fmt: skip
-"""Smooth functions of one argument, with their derivatives."""
 
 SELECTED: dict[int, Callable[..., Jet]] = {
     ca.OP_FABS: _size, ca.OP_FMAX: _greater, ca.OP_FMIN: _lesser, ca.OP_LT: _below("lt"), ca.OP_LE: _below("le"),

@@ -24,11 +24,12 @@ from varcalc.certificates.bounds import positive
 from varcalc.certificates.convex_terms import FOLLOWED, ConvexTerm
 from varcalc.certificates.curve import CURVE_DEGREE, Piece, nodes_within, sampled
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, Undecided, head, jets
+from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.kink_reading import convex_terms
 from varcalc.certificates.levels import meeting
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting, as_graph, setting_of
+from varcalc.certificates.smooth import Undecided, head
 from varcalc.certificates.statement import Statement, statement
 from varcalc.problem.conditions import Isoperimetric, Through
 from varcalc.problem.functional import rebuilt

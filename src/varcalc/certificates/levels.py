@@ -17,8 +17,9 @@ import numpy as np
 from varcalc.certificates.balls import Around, Ball, Poly, Series, above, flint, integral, most, solved
 from varcalc.certificates.curve import end_values
 from varcalc.certificates.integrals import Along, Unproved
-from varcalc.certificates.jets import Jet, Undecided, head, jets
+from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.setting import Setting
+from varcalc.certificates.smooth import Undecided, head
 from varcalc.certificates.statement import Statement
 from varcalc.certificates.tube import Prover
 from varcalc.symbolic.instructions import Program

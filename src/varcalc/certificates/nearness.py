@@ -13,9 +13,9 @@ from varcalc.certificates.certificate import Distance
 from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import dynamics
 from varcalc.certificates.integrals import Unproved, total, worst
-from varcalc.certificates.jets import head
 from varcalc.certificates.levels import grown, meeting
 from varcalc.certificates.setting import Setting
+from varcalc.certificates.smooth import head
 from varcalc.certificates.tube import Tube
 
 

@@ -25,9 +25,10 @@ from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flin
 from varcalc.certificates.certificate import Hypothesis, Means
 from varcalc.certificates.curve import CURVE_DEGREE, Piece, nodes_within
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, Undecided, head, jets, without_enclosure
+from varcalc.certificates.jets import Jet, jets, without_enclosure
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
+from varcalc.certificates.smooth import Undecided, head
 from varcalc.certificates.statement import Statement, statement
 from varcalc.formulation import Sampled
 from varcalc.symbolic.instructions import Program

@@ -18,9 +18,10 @@ import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, flint, largest
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, Undecided, head
+from varcalc.certificates.jets import Jet
 from varcalc.certificates.levels import meeting
 from varcalc.certificates.setting import Setting
+from varcalc.certificates.smooth import Undecided, head
 from varcalc.certificates.statement import Statement
 from varcalc.certificates.tube import Tube
 

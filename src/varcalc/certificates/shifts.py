@@ -16,7 +16,8 @@ import numpy as np
 
 from varcalc.certificates.balls import Ball, flint
 from varcalc.certificates.degree import degrees
-from varcalc.certificates.jets import Jet, head, jets, without_enclosure
+from varcalc.certificates.jets import Jet, jets, without_enclosure
+from varcalc.certificates.smooth import head
 from varcalc.problem.conditions import At, OnSurface, Through
 from varcalc.problem.functional import rebuilt
 from varcalc.problem.problem import Curve

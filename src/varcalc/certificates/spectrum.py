@@ -31,10 +31,11 @@ from varcalc.certificates.eigenfunctions import Eigenfunctions, eigenfunctions
 from varcalc.certificates.ends import prove_ends
 from varcalc.certificates.inequalities import with_multipliers
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Undecided, head, reciprocal, without_enclosure
+from varcalc.certificates.jets import without_enclosure
 from varcalc.certificates.proof import BITS, EXPRESSION, SERIES_LENGTH
 from varcalc.certificates.rayleigh import homogeneous
 from varcalc.certificates.setting import setting_along
+from varcalc.certificates.smooth import Undecided, head, reciprocal
 from varcalc.certificates.statement import Statement, statement
 from varcalc.formulation.graph import graph_form
 from varcalc.methods.answer import Extremal

@@ -17,7 +17,8 @@ import numpy as np
 
 from varcalc.certificates.balls import Ball, flint, solved
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, Undecided, jets
+from varcalc.certificates.jets import Jet, jets
+from varcalc.certificates.smooth import Undecided
 from varcalc.symbolic.instructions import Program
 
 POLISHES = 8

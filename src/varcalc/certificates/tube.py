@@ -21,8 +21,8 @@ from varcalc.certificates.balls import Around, Ball, Box, Series, coefficient, e
 from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import JacobiFields, dynamics
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Undecided, head
 from varcalc.certificates.setting import Setting
+from varcalc.certificates.smooth import Undecided, head
 from varcalc.certificates.statement import Statement
 
 Matrix: TypeAlias = list[list[Any]]

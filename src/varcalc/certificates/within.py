@@ -14,10 +14,11 @@ import numpy as np
 from varcalc.certificates.balls import Around, Ball, Poly, Series, coefficient, flint, nodes, polynomial
 from varcalc.certificates.curve import CURVE_DEGREE, Piece, end_values, integrated, nodes_within
 from varcalc.certificates.integrals import Unproved, along_curve
-from varcalc.certificates.jets import Jet, Undecided, jets, without_enclosure
+from varcalc.certificates.jets import Jet, jets, without_enclosure
 from varcalc.certificates.levels import meeting
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import VALUE_TOLERANCE, Setting
+from varcalc.certificates.smooth import Undecided
 from varcalc.certificates.statement import Statement, statement
 from varcalc.certificates.taylor import AtEnd, Values, views_of
 from varcalc.symbolic.instructions import Program

@@ -20,7 +20,8 @@ import numpy as np
 from varcalc.certificates.balls import Ball, above, below, flint, working
 from varcalc.certificates.certificate import Hypothesis, Means, ProvedInterval, decimals
 from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, Undecided, jets, without_enclosure
+from varcalc.certificates.jets import Jet, jets, without_enclosure
+from varcalc.certificates.smooth import Undecided
 from varcalc.certificates.stationary import LagrangeFunction
 from varcalc.optics.media.medium import Medium
 from varcalc.optics.rays.fermat import SAME_PATH, by_its_own, stated_index
