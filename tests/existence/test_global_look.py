@@ -264,12 +264,16 @@ def test_waves_that_travel_leave_many_valleys_and_the_lowest_is_found(seed, boun
     least = np.full(len(y), np.inf)
     least[np.argmin(np.abs(y - ends[0]))] = 0.0
     begin, end = y[np.argmin(np.abs(y - ends[0]))], y[np.argmin(np.abs(y - ends[1]))]
+    steepest = int(12 * x[1] / (y[1] - y[0]))
+    back = np.arange(len(y)) - np.arange(-steepest, 1 + steepest)[:, None]
+    kept, before = (back >= 0) & (back < len(y)), np.clip(back, 0, len(y) - 1)
+    slope = (y - y[before]) / x[1]
     for left in x[:-1]:
         terms = [
-            lagrangian(left + share * x[1], y[:, None] + share * (y - y[:, None]), (y - y[:, None]) / x[1], np)
+            lagrangian(left + share * x[1], y[before] + share * x[1] * slope, slope, np)
             for share in (0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12))
         ]
-        least = (least[:, None] + x[1] * np.mean(terms, axis=0)).min(0)
+        least = np.where(kept, least[before] + x[1] * np.mean(terms, axis=0), np.inf).min(0)
     bounds = [vc.Bound(lambda x, y, v: y, lower=floor)] if bounded else []
     problem = vc.Problem(lambda x, y, v: lagrangian(x, y, v, ca), vc.Fixed(0, begin), vc.Fixed(8, end), bounds)
     found = vc.solve(problem)

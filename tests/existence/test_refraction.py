@@ -179,8 +179,10 @@ def test_a_curve_that_meets_a_million_steps_is_refused_with_the_first_of_them():
     assert "a jump (floor) where y = a whole number, and the curve meets it at x = " in solution.message
 
 
-@pytest.mark.parametrize(("first", "last"), [(0.2, 0.3), (3e-3, 0.4), (1e-4, 1e-4), (0.5, 2e-3)])
-@pytest.mark.parametrize("strict", [True, False])
+@pytest.mark.parametrize(
+    ("first", "last", "strict"),
+    [(0.2, 0.3, True), (3e-3, 0.4, True), (1e-4, 1e-4, True), (0.5, 2e-3, True), (0.2, 0.3, False)],
+)
 def test_a_ray_runs_along_a_jump_on_its_faster_side(first, last, strict):
     """Down to y = 0 at the critical angle, along it in the faster medium below, and up again (Snell)."""
     slow, fast, width = mpf("1.5"), mpf(1), 4
@@ -384,8 +386,15 @@ def let_go(below, above, way, after, kink=1, level=0):
     return vc.Problem(lagrangian, *ends), float(value)
 
 
-@pytest.mark.parametrize("case", [(0.5, 1, 0.6, 0.5), (0.1, 0.05, 0.2, 0.3, 2, 1.5), (0.02, 0.01, 0.3, 0.2)])
-@pytest.mark.parametrize("method", [None, vc.Ritz()], ids=["the ladder", "Ritz"])
+@pytest.mark.parametrize(
+    ("case", "method"),
+    [
+        ((0.5, 1, 0.6, 0.5), None),
+        ((0.1, 0.05, 0.2, 0.3, 2, 1.5), None),
+        ((0.02, 0.01, 0.3, 0.2), None),
+        ((0.1, 0.05, 0.2, 0.3, 2, 1.5), vc.Ritz()),
+    ],
+)
 def test_a_kink_lets_go_of_what_is_pulled_too_hard(case, method):
     problem, exact = let_go(*case)
     found = vc.solve(problem, method)

@@ -20,8 +20,6 @@ import numpy as np
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 
-Number = float | int
-
 
 @spelled
 @dataclass(frozen=True)

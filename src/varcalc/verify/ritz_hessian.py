@@ -76,7 +76,7 @@ def index_by_ritz(extremal: Extremal) -> Index:
         if form.conditions.pathwise:
             rows, hessian = _pathwise(extremal, system)
             conditions = np.vstack([conditions, rows])
-        known = _multipliers(extremal, system, at.gradient + _pathwise_gradient(extremal, system), at.jacobian)
+        known = _multipliers(at.gradient + _pathwise_gradient(extremal, system), at.jacobian)
         hessian = hessian + system.hessian(at, known)
         metric = _metric(system, at, known)
     if not (np.isfinite(hessian).all() and np.isfinite(conditions).all() and np.isfinite(metric).all()):
@@ -123,7 +123,7 @@ def ritz_space(extremal: Extremal) -> Space:
     return Space(vertices, degree, form.n, form.order, form.ends.periodic)
 
 
-def _multipliers(extremal: Extremal, system: RitzSystem, gradient: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+def _multipliers(gradient: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """The multipliers that make the discrete functional stationary, in the sense of least squares."""
     if not len(jacobian):
         return np.zeros(0)

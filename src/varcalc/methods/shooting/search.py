@@ -247,7 +247,7 @@ class Search:
             hopeless = result.ending is Termination.FAILED and marked.all() and segments.count > ALL_FAIL
             over = hopeless or work + segments.count + marked.sum() > budget
             if over or not marked.any():
-                return NoneFound(_reason(segments, result, self.count), iterations, work)
+                return NoneFound(_reason(result, self.count), iterations, work)
             segments, x = self._cut(segments, result, marked, start)
 
     def _unsure(self, result: Matched) -> bool:
@@ -343,7 +343,7 @@ class Search:
         return np.concatenate([states_, *others])
 
 
-def _reason(segments: Segments, result: Matched, count: int | None) -> str:
+def _reason(result: Matched, count: int | None) -> str:
     """Why an iteration ended without an extremal, and what to do about it."""
     if result.ending is Termination.SINGULAR or (
         result.at is not None and result.at.jacobian.condition > LARGEST_CONDITION
