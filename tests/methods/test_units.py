@@ -117,9 +117,9 @@ def test_the_same_digits_in_any_unit(kind, unit):
     assert abs(solution.value - value) <= 2 * solution.error.value + 1e-15 * abs(value)
 
 
-@pytest.mark.parametrize("unit", [1.0, 1e7])
-def test_an_obstacle_in_any_unit(unit):
+def test_an_obstacle_in_another_unit():
     # around a disc: two tangents and an arc
+    unit = 1e7
     disc = vc.Bound(lambda x, y, v: x**2 + y**2, lower=unit**2)
     problem = vc.Problem(length, vc.Fixed(-2 * unit, 0), vc.Fixed(2 * unit, 0), [disc])
     solution = vc.solve(problem, tol=1e-6)

@@ -25,8 +25,8 @@ REFINEMENTS = 3
 NEAR_FOLD = 0.02
 """A greatest or least reach within this share of the wanted one is followed to its exact place."""
 FOLD_SCANS = 7
-NEAR_EDGE = 16
-"""Samples from the edge of a family that are looked at again with a finer rule."""
+NEAR_EDGE, AT_ONCE = 16, 3
+"""Samples from the edge of a family that are looked at again with a finer rule, and steps between them at a time."""
 
 
 def joining(family: CurveFamily, sample: np.ndarray, aim: Aim) -> list[Joined]:
@@ -71,10 +71,14 @@ def _at_edge(family: CurveFamily, sample: np.ndarray, aim: Aim) -> list[Joined]:
     miss = float(here.measured.x[0]) - target
     if abs(miss) <= LOST_CURVE * aim.size:
         return [here]
-    near = sample[:NEAR_EDGE]
-    reach = family.lines.measure(family.batch(near, np.zeros((0, len(near))))).x - target
-    brackets = np.flatnonzero(reach[1:] * reach[:-1] < 0)[:1]
-    return [j for k in brackets if (j := joined(family, float(near[k]), float(near[k + 1]), aim)) is not None]
+    beside = sample[:NEAR_EDGE]
+    for first in range(0, len(beside) - 1, AT_ONCE):  # the rule may have hundreds of thousands of points
+        near = beside[first : first + AT_ONCE + 1]
+        reach = family.lines.measure(family.batch(near, np.zeros((0, len(near))))).x - target
+        for k in np.flatnonzero(reach[1:] * reach[:-1] < 0)[:1]:
+            there = joined(family, float(near[k]), float(near[k + 1]), aim)
+            return [] if there is None else [there]
+    return []
 
 
 def _fold(family: CurveFamily, sample: np.ndarray, reach: np.ndarray, aim: Aim) -> list[tuple[float, float]]:
