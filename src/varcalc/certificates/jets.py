@@ -349,14 +349,14 @@ def _remainder(algebra: Algebra, a: Jet, b: Jet) -> Jet:
 
 LINEAR: dict[int, Callable[..., Jet]] = {
     ca.OP_ASSIGN: lambda _, a: a,
-    ca.OP_ADD: lambda algebra, a, b: algebra.sum(a, b),
+    ca.OP_ADD: Algebra.sum,
     ca.OP_SUB: lambda algebra, a, b: algebra.sum(a, b, -1),
     ca.OP_NEG: lambda algebra, a: algebra.scaled(a, -1),
     ca.OP_TWICE: lambda algebra, a: algebra.scaled(a, 2),
-    ca.OP_MUL: lambda algebra, a, b: algebra.product(a, b),
-    ca.OP_DIV: lambda algebra, a, b: algebra.quotient(a, b),
-    ca.OP_POW: lambda algebra, a, b: algebra.power(a, b),
-    ca.OP_CONSTPOW: lambda algebra, a, b: algebra.power(a, b),
+    ca.OP_MUL: Algebra.product,
+    ca.OP_DIV: Algebra.quotient,
+    ca.OP_POW: Algebra.power,
+    ca.OP_CONSTPOW: Algebra.power,
 }
 """Operations of arithmetic."""
 
