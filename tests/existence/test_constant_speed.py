@@ -61,7 +61,7 @@ def test_a_film_above_a_floor_that_it_cannot_span_is_refused_and_not_broken_off(
     assert not solution.status.ok or solution.value == pytest.approx(1.0, abs=1e-5)
 
 
-@pytest.mark.parametrize("floor", [1e-3, 1e-6, 1e-10])
+@pytest.mark.parametrize("floor", [1e-3, 1e-10])
 def test_a_line_in_the_floor_is_not_called_the_least(floor):
     """From (0, 0) to (2, 0) the line costs 2/sqrt(floor); arches are cycloids of diameter 2/pi, but for the floor."""
     solution = vc.solve(floored(floor, 2, 0), throw=False)

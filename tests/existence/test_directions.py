@@ -148,7 +148,7 @@ def least_by_many_starts(landscape, dimension, bound, pieces=64, starts=24):
     return best
 
 
-@pytest.mark.parametrize(("count", "seed"), [(2, 1), (2, 2), (2, 4), (2, 106), (3, 103), (3, 111)])
+@pytest.mark.parametrize(("count", "seed"), [(2, 1), (2, 4), (2, 106), (3, 103), (3, 111)])
 def test_random_landscapes_of_several_functions(count, seed):
     """Of the last ones the valley lies between the axes, their sums and differences."""
     landscape = hills(seed, count)

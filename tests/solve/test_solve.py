@@ -502,7 +502,7 @@ def fold() -> float:
 
 
 @pytest.mark.parametrize("method", [None, vc.Ritz(), vc.Ritz(optimiser=vc.Ipopt()), vc.Collocation()])
-@pytest.mark.parametrize("beyond", [1e-9, 1e-8, 0.3])
+@pytest.mark.parametrize("beyond", [1e-9, 1e-8])
 def test_a_soap_film_beyond_the_fold(beyond: float, method: object) -> None:
     # so near to the fold the area of the film that is no more is all but stationary, to 14 digits of it
     solution = vc.solve(film(fold() + beyond), method, throw=False)
