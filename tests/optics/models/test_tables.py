@@ -64,8 +64,9 @@ def reached(squared, heights, start, cosine, up, distance):
         # y'' = slope / 2 in sigma; the first height it comes to
         times = []
         for h in (heights[k], heights[k + 1]):
-            roots = np.roots([slopes[k] / 4, w, y - h])
-            times += [(float(t.real), h) for t in roots if abs(t.imag) < 1e-12 and t.real > 1e-9]
+            within = w**2 - slopes[k] * (y - h)
+            q = -(w + math.copysign(math.sqrt(within), w)) / 2 if within > 0 else 0.0
+            times += [(t, h) for t in (4 * q / slopes[k], (y - h) / q) if t > 1e-9] if q else []
         t, h = min(times, default=(math.inf, None))
         rest = (distance - x) / math.sqrt(p2)
         if t >= rest:
