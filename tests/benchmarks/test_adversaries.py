@@ -51,8 +51,8 @@ def polygon(problem, reach):
             t = np.clip((1 + nodes) / 2, 1e-12, 1 - 1e-12)  # no singularity at an end
             height = low + t * (high - low)
             slope = np.broadcast_to((high - low) / h, height.shape)
-            value = L(np.broadcast_to(at[i] + h * t, height.shape).reshape(1, -1), height.reshape(1, -1),
-                      slope.reshape(1, -1))  # fmt: skip
+            points = (np.broadcast_to(at[i] + h * t, height.shape), height, slope)
+            value = L.map(height.size)(*(rows.reshape(1, -1) for rows in points))
             legs = np.asarray(value).reshape(height.shape) @ (h / 2 * weights)
             total = cost[:, None] + np.where(np.isfinite(legs), legs, np.inf)
             came.append(total.argmin(0))

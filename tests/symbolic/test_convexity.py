@@ -18,7 +18,7 @@ def proved(expression, span=SPAN, parameter=0.5):
 def numbers(expression):
     """The expression of points (x, y, v, w), with the parameter that ``proved`` has."""
     function = ca.Function("L", [X, Y, V, W, P], [expression])
-    return lambda points: np.asarray(function(*(row[None] for row in points), 0.5)).ravel()
+    return lambda points: np.asarray(function.map(points.shape[1])(*points[:, None], 0.5)).ravel()
 
 
 CONVEX = {
