@@ -68,6 +68,16 @@ class Surface(Parametrised, ABC):
         """A point towards which rays are looked for first, where the surface has one."""
         return None
 
+    @property
+    def extent(self) -> float:
+        """How far from its middle the surface is looked for as closely; all of it is there where it is ``bounded``."""
+        return 0.0
+
+    @property
+    def bounded(self) -> bool:
+        """Whether no point of the surface is farther from its middle than its extent."""
+        return False
+
 
 @spelled
 @dataclass(frozen=True, repr=False)
@@ -129,6 +139,16 @@ class Sphere(Brief, Surface):
         """The centre."""
         return self.center
 
+    @property
+    def extent(self) -> float:
+        """The radius."""
+        return self.radius
+
+    @property
+    def bounded(self) -> bool:
+        """Always."""
+        return True
+
     def level(self, position: Expression) -> Expression:
         """(|r - center|² - radius²)/(2 radius): near the surface the distance from it."""
         return self.formula(position, float)
@@ -169,6 +189,11 @@ class _OfRevolution(Surface):
     def middle(self) -> Sequence[float]:
         """The vertex."""
         return self.vertex
+
+    @property
+    def extent(self) -> float:
+        """The radius of curvature there."""
+        return abs(self.radius)
 
     def _cylindrical(self, position: Expression, constant: Constant) -> tuple[Expression, Expression]:
         """Height along the axis above the vertex, and the squared distance from the axis."""

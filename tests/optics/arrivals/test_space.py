@@ -5,7 +5,7 @@ import re
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, minimize_scalar, root
 
 from varcalc import optics
 from varcalc.optics.arrivals import space
@@ -243,11 +243,63 @@ def test_no_ray_goes_through_a_medium_where_the_index_is_negative():
     assert [optics.RayStatus(code) for code in ends.status] == statuses
 
 
-def test_rays_to_a_second_ball_that_none_of_the_directions_comes_to_are_not_called_none() -> None:
-    """By two convex mirrors that do not hide each other there is one ray, within some 1e-4 of the directions."""
-    mirrors = [
-        optics.Sphere((0.9, 1.5, 0.0), 0.03, mirror=True),
-        optics.Sphere((-0.9, -1.5, 0.6), 0.07, mirror=True),
-    ]
-    rays = optics.Scene(optics.Uniform(1.0), mirrors).rays((-2, 0.1, 0.3), (2, -0.2, 0.1))
-    assert len(rays) == 1 or (rays.unresolved > 0 and "none of them comes to surface 1" in rays.searched)
+BALLS = {
+    "A": ((0.9, 1.5, 0.0), 0.03, 0.0),
+    "B": ((-0.9, -1.5, 0.6), 0.07, 0.0),
+    "lens": ((-1.2, 0.2, 0.1), 0.04, 1.5),
+    "lens behind": ((1.1, -0.4, 0.3), 0.05, 1.4),
+}  # fmt: skip
+"""Middles and radii of small balls; the index of those that are no mirrors."""
+
+
+@pytest.mark.parametrize(
+    "order",
+    [("A", "B"), ("B", "A", "B"), ("B", "lens behind"), ("lens", "lens behind")],
+    ids=" ".join,
+)
+def test_the_ray_from_one_small_ball_to_the_next_is_found(order: tuple[str, ...]) -> None:
+    """At each point on a ball n_k u_k - n_(k+1) u_(k+1) is along the normal: solved for from a polygon by the middles.
+
+    The rays come to some 1e-4 to 1e-6 of the directions. By convex mirrors there is one, since the length is convex in
+    the points, and by lenses that are seen from beyond their foci, far off the axis, one as well.
+    """
+    A, B = np.array([-2, 0.1, 0.3]), np.array([2, -0.2, 0.1])
+    surfaces, n, middles, radii, points = [], [1.0], [], [], []
+    way = [A, *(np.array(BALLS[name][0]) for name in order), B]
+    for before, name, after in zip(way[:-2], order, way[2:], strict=True):
+        middle, radius, index = np.array(BALLS[name][0]), *BALLS[name][1:]
+        toward = [(end - middle) / np.linalg.norm(end - middle) for end in (before, after)]
+        between = (toward[0] + toward[1]) / np.linalg.norm(toward[0] + toward[1])
+        for side in [between] if index == 0 else toward:
+            surfaces.append(optics.Sphere(tuple(middle), radius, mirror=index == 0))
+            points.append(middle + radius * side)
+            middles.append(middle)
+            radii.append(radius)
+        n += [1.0] if index == 0 else [index, 1.0]
+    middles, radii, n = np.array(middles), np.array(radii), np.array(n)
+
+    def legs(on: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        each = np.diff(np.vstack([A, on, B]), axis=0)
+        length = np.linalg.norm(each, axis=1)
+        return each / length[:, None], length
+
+    def broken(unknowns: np.ndarray) -> np.ndarray:
+        out, pulls = unknowns[: -len(radii)].reshape(-1, 3), unknowns[-len(radii) :]
+        ahead, _ = legs(middles + radii[:, None] * out)
+        snell = n[:-1, None] * ahead[:-1] - n[1:, None] * ahead[1:] - pulls[:, None] * out
+        return np.append(snell.ravel(), np.sum(out**2, axis=1) - 1)
+
+    start = np.append(((np.array(points) - middles) / radii[:, None]).ravel(), -np.ones(len(radii)))
+    solved = root(broken, start, tol=1e-14)
+    assert np.abs(solved.fun).max() < 1e-12
+    exact = n @ legs(middles + radii[:, None] * solved.x[: -len(radii)].reshape(-1, 3))[1]
+    rays = optics.Scene(list(map(optics.Uniform, n)), surfaces).rays(A, B)
+    assert [ray.optical_path for ray in rays] == pytest.approx([exact], abs=1e-12)
+    assert rays.unresolved == 0
+
+
+def test_no_ray_comes_from_one_ball_to_another_in_its_shadow() -> None:
+    balls = [optics.Sphere((0, 0, 0), 0.5, mirror=True), optics.Sphere((1, 0.1, 0), 0.1, mirror=True)]
+    rays = optics.Scene(AIR, balls).rays((-2, 0, 0), (0.5, 2, 0))
+    assert len(rays) == 0
+    assert rays.unresolved == 0

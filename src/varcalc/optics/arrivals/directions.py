@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-SIDE = 2**30
+SIDE = 2**44
 """Steps of the lattice along one side of a face."""
 STEP = np.pi / 2 / SIDE
 """One of them, at the middle of a face, in radians."""

@@ -152,7 +152,8 @@ class Fan:
         self.looked_at += len(angles)
         self.stage(0, f"laying out rays, {self.looked_at} looked at")
         watch = Watch(self.stage, MOST_SEARCHED)  # what threads count together depends on which is first
-        rays = self.propagator.into_last_medium(beam, self.bounds.path[source], watch, noted=noted, followed=followed)
+        last = len(self.propagator.surfaces)
+        rays = self.propagator.into_medium(last, beam, self.bounds.path[source], watch, noted=noted, followed=followed)
         beam, alive = rays.beam, rays.alive
         self.ends.update(RayStatus(int(code)) for code in rays.status[~alive])
         self.entered += int(np.sum(alive))

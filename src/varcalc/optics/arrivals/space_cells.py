@@ -151,14 +151,16 @@ class SpaceCells(Rows):
         sideways, error = (np.where(np.isfinite(size), size, np.inf) for size in sizes)
         return sideways, error
 
-    def may_hold(self, target: np.ndarray) -> np.ndarray:
-        """True (q,) for cells in whose boxes the ``target`` (3,) is, give or take what is not known of them.
+    def may_hold(self, target: np.ndarray, within: float = 0.0) -> np.ndarray:
+        """True (q,) for cells whose boxes come ``within`` a distance of the ``target`` (3,).
+
+        Give or take what is not known of them.
 
         Rays that have come through other jumps of the index are no neighbours: they have boxes of their own.
         """
         inside, whole = np.zeros(len(self), dtype=bool), self.whole
         rows = np.flatnonzero(whole)
-        inside[rows] = self.take(rows)._in_box(target)  # noqa: SLF001  of this class
+        inside[rows] = self.take(rows)._in_box(target, within)  # noqa: SLF001  of this class
         parts = np.flatnonzero(~whole)
         course = self.state[parts, ..., CROSSED]
         for one in np.unique(course[np.isfinite(course)]):
@@ -166,25 +168,21 @@ class SpaceCells(Rows):
             some = np.flatnonzero(np.any(own, axis=(1, 2, 3)))
             cells = self.take(parts[some])
             cells = replace(cells, state=np.where(own[some][..., None], cells.state, np.nan))
-            inside[parts[some]] |= cells._in_box(target)  # noqa: SLF001  of this class
+            inside[parts[some]] |= cells._in_box(target, within)  # noqa: SLF001  of this class
         return inside
 
-    def _in_box(self, target: np.ndarray) -> np.ndarray:
-        """The same for cells all of whose known rays are neighbours.
+    def across(self, target: np.ndarray) -> np.ndarray:
+        """How far (q,) the rays of cells are apart where they come by the ``target`` (3,), or all along the cells."""
+        low, high, _ = self._box(target, self.axes())
+        with np.errstate(invalid="ignore"):
+            return np.linalg.norm((high - low)[:, 1:], axis=1)
 
-        Where all rays of a cell go about the same way its box is that of where they meet the screen through the point,
-        along its longest extent there, otherwise that of all of its control points.
-        """
+    def _in_box(self, target: np.ndarray, within: float) -> np.ndarray:
+        """The same for cells all of whose known rays are neighbours."""
         if len(self) == 0:
             return np.zeros(0, dtype=bool)
         axes = self.axes()
-        with np.errstate(invalid="ignore"):
-            control = (self.control().reshape(len(self), 64, 3) - target) @ axes.transpose(0, 2, 1)
-            _, miss, rates, straight = _met(self, target, axes)
-        low, high = _ranges(control)
-        screened = straight & (self._turned(axes) <= NEARLY_PARALLEL) & np.any(np.isfinite(miss), axis=(1, 2, 3))
-        points = _on_screen(miss[screened], *(rate[screened] for rate in rates))
-        low[screened, 1:], high[screened, 1:] = _ranges(points)
+        low, high, screened = self._box(target, axes)
         with np.errstate(invalid="ignore"):
             extent = np.where(np.isfinite(high - low), high - low, 0.0)
         across = np.linalg.norm(extent[:, 1:], axis=1)
@@ -193,7 +191,22 @@ class SpaceCells(Rows):
         looked = np.isfinite(self.error) & self.whole
         little = np.minimum(LITTLE, 2 * self._turned(axes)) * size
         room = np.where(looked[:, None], self.error[:, None], UNSEEN_MARGIN * extent + little[:, None])
-        return np.all(np.maximum(low, -high) <= room, axis=1)
+        return np.all(np.maximum(low, -high) <= room + within, axis=1)
+
+    def _box(self, target: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The least and the largest coordinates (q, 3) of cells about the target, along their ``axes`` (q, 3, 3).
+
+        Where all rays of a cell go about the same way, which is true (q,), they are across them those of where they
+        meet the screen through the point, along its longest extent there, otherwise those of all control points.
+        """
+        with np.errstate(invalid="ignore"):
+            control = (self.control().reshape(len(self), 64, 3) - target) @ axes.transpose(0, 2, 1)
+            _, miss, rates, straight = _met(self, target, axes)
+        low, high = _ranges(control)
+        screened = straight & (self._turned(axes) <= NEARLY_PARALLEL) & np.any(np.isfinite(miss), axis=(1, 2, 3))
+        points = _on_screen(miss[screened], *(rate[screened] for rate in rates))
+        low[screened, 1:], high[screened, 1:] = _ranges(points)
+        return low, high, screened
 
     def far_off(self, target: np.ndarray, reach: float) -> np.ndarray:
         """True (q,) for cells that are farther than ``reach`` from a point by several times their size."""

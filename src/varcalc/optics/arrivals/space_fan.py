@@ -1,8 +1,9 @@
 """The rays of a source in space, as far as they may matter, laid out in cells over the directions all round.
 
 The first directions are those of a lattice. Between them more are looked at: where some of these come into the last
-medium and others do not, or the usual ones do not foretell where they go, the cell is replaced by smaller ones; and
-about the middles of surfaces by smaller and smaller ones, until a ray comes in beside that of the middle.
+medium and others do not, or the usual ones do not foretell where they go, the cell is replaced by smaller ones.
+Those whose rays may come to what is small, first to the first surface, and by it to the second, and so on, are halved
+until they are small beside it: a ball is a target at a known place.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
-from varcalc.optics.arrivals.directions import SIDE, headings, placed
+from varcalc.optics.arrivals.directions import SIDE, headings
 from varcalc.optics.arrivals.space_cells import COLUMNS, CROSSED, MOVED, PATH, P, R, SpaceCells, bernstein, patch
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.straight import StraightRays
@@ -26,14 +28,14 @@ CELLS = 16
 """Cells along one side of a face of directions, to begin with."""
 MORE_LOOKS = 8
 """By how many times more directions along it it is looked for surfaces and for jumps of the index."""
-FINER_AT_EDGES = 2
-"""How often cells are halved to begin with where some of their rays come in and others do not."""
-BLOCK = 16
-"""Cells across a block about the middle of a surface in which it is looked for what is lit."""
-ENOUGH_LIT = 40
-"""Rays of these that come in: more show the whole of it, seven or so across."""
 LOOKS_SLOW = 4
 """The same for what bends rays, and for surfaces that are no quadrics: both take more time."""
+FINER_AT_EDGES = 2
+"""How often cells are halved to begin with where some of their rays come in and others do not."""
+CELLS_ACROSS = 6
+"""Cells across a surface that is small, at least."""
+MOST_WINDOWS, MOST_WINDOWS_SLOWLY = 12_000, 6_000
+"""Cells that are looked at for one surface, and where it takes a hundred times longer to carry a ray."""
 UNFORESEEN = 0.25
 """Of a cell: rays between four that are farther from where these foretell them have met something narrow."""
 LOOKED_AHEAD = 1.25
@@ -82,26 +84,30 @@ class SpaceFan:
     entered: int = 0
     given_up: bool = False
     """Whether rays took more steps than are allowed, or came through too many pieces of the index."""
+    medium: int = -1
+    """The number of the medium in which the rays are laid out; the last, where nobody says."""
     farthest: int = 0
     """How many surfaces of the scene the ray has come to that came to most of them."""
 
     def __post_init__(self) -> None:
         self._looking, self._moving = searching(self.stage, self.pairs), searching(self.stage, self.pairs)
+        if self.medium < 0:
+            self.medium = len(self.propagator.surfaces)
+        self._model, self._field = self.propagator.models[self.medium], self.propagator.fields[self.medium]
 
     def entries(self, face: np.ndarray, place: np.ndarray) -> np.ndarray:
-        """The states (m, 20) of rays where they come into the last medium; not a number where they do not."""
+        """The states (m, 20) of rays where they come into the medium; not a number where they do not."""
         heading, rates = headings(face, place)
         start = np.broadcast_to(self.source, heading.shape)
         index = self.propagator.fields[0].index(start)
         beam = launched(start, heading, index, neighbours=True)
         beam = replace(beam, turned=index[:, None, None] * rates)
         self.looked_at += len(face)
-        if not self.propagator.surfaces:
+        if self.medium == 0:
             self.entered += len(face)
             return _states(beam)
-        rays = self.propagator.into_last_medium(
-            beam, np.full(len(face), self.bounds.path), Watch(self.stage, MOST_SEARCHED)
-        )
+        watch = Watch(self.stage, MOST_SEARCHED)
+        rays = self.propagator.into_medium(self.medium, beam, np.full(len(face), self.bounds.path), watch)
         beam, alive = rays.beam, rays.alive
         self.farthest = max(self.farthest, int(rays.met.max(initial=0)))
         self.ends.update(RayStatus(int(code)) for code in rays.status[~alive])
@@ -118,7 +124,7 @@ class SpaceFan:
         rows = np.flatnonzero(np.isfinite(states[:, PATH]) & (sigma >= 0))
         if len(rows) == 0:
             return ends
-        carry, beam, far = self.propagator.models[-1], _beam(states[rows]), sigma[rows]
+        carry, beam, far = self._model, _beam(states[rows]), sigma[rows]
         path = states[rows, PATH] + far * np.sum(states[rows, P] ** 2, axis=1)
         if isinstance(carry, HamiltonRays):
             there, grown = carry.onward(beam, far, path, self._moving)
@@ -137,12 +143,15 @@ class SpaceFan:
     def pull(self, states: np.ndarray) -> np.ndarray:
         """dp/dσ (..., 3) of states (..., 20) in the last medium."""
         with np.errstate(all="ignore"):
-            _, gradient, _ = self.propagator.fields[-1](states[..., R].reshape(-1, 3))
+            _, gradient, _ = self._field(states[..., R].reshape(-1, 3))
         return gradient.reshape(*states.shape[:-1], 3) / 2
 
     def cells(self) -> Iterator[SpaceCells]:
         """The first cells, one step after the other along the rays; those of corners at least one of which is known."""
-        face, low, width = self._first()
+        return self._laid_out(*self._first())
+
+    def _laid_out(self, face: np.ndarray, low: np.ndarray, width: np.ndarray) -> Iterator[SpaceCells]:
+        """The cells on these faces (q,) with these lower corners (q, 2) and widths (q,), see :meth:`cells`."""
         corners = low[:, None, None] + width[:, None, None, None] * CORNERS
         flat = np.column_stack([np.repeat(face, 4), corners.reshape(-1, 2)])
         rays, number = np.unique(flat, axis=0, return_inverse=True)
@@ -222,12 +231,12 @@ class SpaceFan:
     @property
     def _straight(self) -> bool:
         """Whether the rays of the last medium are straight, and need no steps."""
-        return isinstance(self.propagator.models[-1], StraightRays)
+        return isinstance(self._model, StraightRays)
 
     @property
     def _longest(self) -> float:
         """How far in σ straight rays go."""
-        return self.bounds.path / float(self.propagator.fields[-1].index(self.bounds.middle[None])[0]) ** 2
+        return self.bounds.path / float(self._field.index(self.bounds.middle[None])[0]) ** 2
 
     @property
     def resolution(self) -> str:
@@ -239,8 +248,12 @@ class SpaceFan:
 
     @property
     def unlit(self) -> bool:
-        """Whether no ray comes from one surface to the next, which those between may do that are not looked at."""
-        return 0 < self.farthest < len(self.propagator.surfaces)
+        """Whether no ray comes from one surface to the next, which those between may do that are not looked at.
+
+        All that may come to what is bounded are looked at.
+        """
+        surfaces = self.propagator.surfaces
+        return 0 < self.farthest < len(surfaces) and not all(one.bounded for one in surfaces[: self.farthest + 1])
 
     @property
     def slow(self) -> bool:
@@ -250,7 +263,7 @@ class SpaceFan:
 
     @property
     def _looks(self) -> int:
-        last, surfaces = self.propagator.models[-1], self.propagator.geometries
+        last, surfaces = self._model, self.propagator.geometries
         if surfaces and not all(one.quadric for one in surfaces):
             return LOOKS_SLOW
         if surfaces or (isinstance(last, HamiltonRays) and last.jumps):
@@ -268,13 +281,17 @@ class SpaceFan:
         first = grid[number[:, 0, 0]] * (1, fine, fine)
         if looks == 1:
             return first[:, 0], first[:, 1:], np.full(len(first), width)
+        small = self._windows
+        small = small[small[:, 3] < fine]
         entry = self.entries(grid[:, 0], grid[:, 1:] * fine)
         course = self._course(entry)[number]
         even = course.min(axis=(1, 2)) == course.max(axis=(1, 2))
         even &= (course[:, 0, 0] < 0) | self._foreseen(entry, number)
         whole = np.flatnonzero(even & (course[:, 0, 0] >= 0))
         pieces = grid[number[~even, :-1, :-1].ravel()] * (1, fine, fine)
-        parts = [(first[whole], width), *self._toward_edges(pieces, fine), *self._about_middles(fine)]
+        parts = [(first[whole], width), *self._toward_edges(pieces, fine)]
+        for size in np.unique(small[:, 3]):
+            parts += self._toward_edges(small[small[:, 3] == size, :3], int(size))
         every = [np.column_stack([cells, np.full(len(cells), size)]) for cells, size in parts]
         cells = np.unique(np.concatenate(every), axis=0)
         return cells[:, 0], cells[:, 1:3], cells[:, 3]
@@ -293,37 +310,69 @@ class SpaceFan:
             cells = (cells[:, None] + width * np.insert(CORNERS.reshape(4, 2), 0, 0, axis=1)).reshape(-1, 3)
         return parts
 
-    def _about_middles(self, width: int) -> list[tuple[np.ndarray, int]]:
-        """Smaller cells about the directions of the middles of surfaces, where none of a corner comes in."""
-        middles = [middle for one in self.propagator.surfaces if (middle := one.middle) is not None]
-        found: list[tuple[np.ndarray, int]] = []
-        for middle in dict.fromkeys(tuple(np.asarray(middle, dtype=float)) for middle in middles):
-            toward = np.array(middle) - self.source
-            if not np.any(toward):
-                continue
-            face, place = placed(toward[None] / np.linalg.norm(toward))
-            if not np.isfinite(self.entries(face, place)[0, PATH]):
-                continue
-            size = width
-            while size > LEAST_WIDTH:
-                around = (
-                    np.floor(place[0] / size).astype(int) + np.argwhere(np.ones((BLOCK + 1, BLOCK + 1))) - BLOCK // 2
-                )
-                entry = self.entries(np.repeat(face, len(around)), around * size)
-                lit = np.isfinite(entry[:, PATH]).reshape(BLOCK + 1, BLOCK + 1)
-                if np.sum(lit) >= ENOUGH_LIT:
-                    some = lit[1:, 1:] | lit[1:, :-1] | lit[:-1, 1:] | lit[:-1, :-1]
-                    low = around.reshape(BLOCK + 1, BLOCK + 1, 2)[:-1, :-1][some]
-                    if size < width:
-                        found.append((np.column_stack([np.repeat(face, len(low)), low * size]), size))
-                    break
-                size //= 2
-        return found
+    @cached_property
+    def _windows(self) -> np.ndarray:
+        """Cells (q, 4) whose rays may come to all surfaces before the medium, and are small beside these.
+
+        They have the numbers of their faces, lower corners and widths.
+        """
+        if self.medium == 0:
+            width = SIDE // CELLS
+            grid = np.argwhere(np.ones((6, CELLS, CELLS), dtype=bool)) * (1, width, width)
+            return np.column_stack([grid, np.full(len(grid), width)])
+        number = self.medium - 1
+        surface, shapes = self.propagator.surfaces[number], self.propagator.shapes
+        inside = number > 0 and shapes[number] == shapes[number - 1] and not surface.mirror
+        if surface.middle is None or inside:  # what comes through a surface comes to its other side
+            before = replace(self, medium=self.medium - 1, looked_at=0, ends=Counter(), entered=0)
+            windows = before._windows  # noqa: SLF001  of this class
+        else:
+            middle = np.asarray(surface.middle, dtype=float)
+            away = float(np.linalg.norm(middle - self.bounds.middle)) + self.bounds.reach
+            bounds = replace(self.bounds, far=self.bounds.far + away, middle=middle, reach=surface.extent)
+            before = replace(self, bounds=bounds, medium=self.medium - 1, looked_at=0, ends=Counter(), entered=0)
+            windows = before._toward_ball()  # noqa: SLF001  of this class
+            if not surface.bounded:
+                windows = np.unique(np.concatenate([windows, before._windows]), axis=0)  # noqa: SLF001  of this class
+        self.looked_at += before.looked_at
+        self.given_up |= before.given_up
+        return windows
+
+    def _toward_ball(self) -> np.ndarray:
+        """Windows (q, 4) of this medium whose rays may come within the reach of the middle, small beside that."""
+        windows, middle, radius = self._windows, self.bounds.middle, self.bounds.reach
+        found, looked = [np.zeros((0, 4), dtype=int)], 0
+        most = MOST_WINDOWS_SLOWLY if self.slow else MOST_WINDOWS
+        for slab in self._laid_out(windows[:, 0], windows[:, 1:3], windows[:, 3]):
+            cells = slab.take(np.flatnonzero(slab.may_hold(middle, radius)))
+            while len(cells):
+                looked += len(cells)
+                narrow = (cells.width <= LEAST_WIDTH) | (looked > most)
+                self.given_up |= bool(np.any(narrow))
+                small = narrow | (cells.across(middle) <= 2 * radius / CELLS_ACROSS) | self._come_on(cells)
+                found.append(np.column_stack([cells.face, cells.low, cells.width])[small])
+                cells = cells.take(np.flatnonzero(~small))
+                if len(cells):
+                    parts = self.parted(cells)[0]
+                    cells = parts.take(np.flatnonzero(parts.may_hold(middle, radius)))
+        return np.unique(np.concatenate(found), axis=0)
+
+    def _come_on(self, cells: SpaceCells) -> np.ndarray:
+        """True (q,) for cells all of whose rays come into the next medium, as far as they come into this.
+
+        Beside an edge rays turn as a root: however small cells are made there, their rays go far apart.
+        """
+        behind = replace(self, medium=self.medium + 1, looked_at=0, ends=Counter(), entered=0)
+        place = cells.low[:, None, None] + cells.width[:, None, None, None] * CORNERS
+        entry = behind.entries(np.repeat(cells.face, 4), place.reshape(-1, 2))
+        self.looked_at += behind.looked_at
+        come = np.isfinite(entry[:, PATH]).reshape(-1, 2, 2)
+        return np.all(come | np.isnan(cells.state[:, :, :, 0, PATH]), axis=(1, 2))
 
     def _course(self, entry: np.ndarray) -> np.ndarray:
         """What tells rays (m,) apart that are no neighbours: whether they come in, and through which jumps."""
         course = np.where(np.isfinite(entry[:, PATH]), 0.0, -1.0)
-        last, rows = self.propagator.models[-1], np.flatnonzero(course == 0)
+        last, rows = self._model, np.flatnonzero(course == 0)
         if isinstance(last, HamiltonRays) and last.jumps and len(rows):
             through = last.crossed(_beam(entry[rows]), np.full(len(rows), self.bounds.path), self._looking)
             self.given_up |= not np.all(np.isfinite(through))
@@ -332,7 +381,7 @@ class SpaceFan:
 
     def _foreseen(self, entry: np.ndarray, number: np.ndarray) -> np.ndarray:
         """True (q,) for cells of the rays ``number`` (q, k, k) whose corners foretell where those between them go."""
-        last, looks = self.propagator.models[-1], number.shape[1] - 1
+        last, looks = self._model, number.shape[1] - 1
         if self.propagator.surfaces or not isinstance(last, HamiltonRays) or last.jumps:
             return np.ones(len(number), dtype=bool)
         far = LOOKED_AHEAD * self.bounds.size / self.propagator.fields[0].index(self.source[None])
@@ -358,7 +407,7 @@ class SpaceFan:
         """How far in σ all rays go, over which most of them turn little."""
         away = np.linalg.norm(states[:, R] - self.bounds.middle, axis=1) - self.bounds.reach
         length = STEP_SHARE * np.maximum(self.bounds.size, away)
-        steps = stride(states[:, R], states[:, P], self.propagator.fields[-1], length)
+        steps = stride(states[:, R], states[:, P], self._field, length)
         return float(np.quantile(steps[steps > 0], SHORT_STEPS)) if np.any(steps > 0) else self.bounds.size
 
 

@@ -256,14 +256,15 @@ class Propagator:
             rays.status[(rays.status == RayStatus.ARRIVED) & (rays.struck != self.stop)] = RayStatus.MISSED
         return rays.beam, rays.status
 
-    def into_last_medium(
-        self, beam: Beam, limit: np.ndarray, watch: Watch = UNWATCHED, *, noted: bool = False, followed: bool = True
-    ) -> UnderWay:
-        """The rays where they enter the last medium, or end before; see :class:`UnderWay`."""
+    def into_medium(
+        self, number: int, beam: Beam, limit: np.ndarray, watch: Watch = UNWATCHED, *, noted: bool = False,
+        followed: bool = True,
+    ) -> UnderWay:  # fmt: skip
+        """The rays where they enter the medium of a ``number``, or end before; see :class:`UnderWay`."""
         rays = replace(UnderWay.started(beam), followed=followed)
         if noted and self.dimension == PLANE:
             rays.noted = Noted.nothing(len(beam), len(self.surfaces), len(self.geometries))
-        for _ in self.passages(rays, limit, len(self.surfaces), watch):
+        for _ in self.passages(rays, limit, number, watch):
             pass
         return rays
 
