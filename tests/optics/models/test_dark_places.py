@@ -70,3 +70,21 @@ def test_a_ray_beside_a_dark_line_goes_on() -> None:
         medium = optics.Stratified(ca.fabs)
         bundle = optics.Scene(medium).trace((0, 1), (1e-3, -across), optical_path=2 * path, model=model)
         np.testing.assert_allclose(bundle.points, [[2e-3 * turn, 1.0]], atol=1e-8)
+
+
+def test_a_ray_ends_beside_dark_layers_from_wherever_it_comes() -> None:
+    """In n = max(|y| - 0.3, 0) the optical path to 0.3 from 0.625 is 0.325²/2; from some heights it had no end."""
+    layers = optics.Stratified(lambda y: ca.fmax(ca.fabs(y) - 0.3, 0))
+    bundle = optics.Scene(layers).trace(
+        [(0, 0.625)] * 2, (0, -1), optical_path=[0.99 * 0.325**2 / 2, 5.0], model=optics.Invariants()
+    )
+    assert bundle.status.tolist() == [RayStatus.ARRIVED, RayStatus.SINGULAR]
+    np.testing.assert_allclose(bundle.points[0], (0, 0.3 + 0.325 * 0.1), atol=1e-12)
+
+
+def test_an_upright_ray_turns_back_where_layers_grow_dark() -> None:
+    """n² = max(y - 0.3, 0): from s = 0.7 to rest and back to s the optical path is 2/3 (0.7^1.5 + s^1.5)."""
+    layers = optics.Stratified(lambda y: ca.sqrt(ca.fmax(y - 0.3, 0)))
+    path = (0.7**1.5 + 0.9**1.5) * 2 / 3
+    bundle = optics.Scene(layers).trace((0, 1), (0, -1), optical_path=path, model=optics.Invariants())
+    np.testing.assert_allclose(bundle.points, [(0, 1.2)], atol=1e-12)

@@ -175,14 +175,15 @@ class Potential(ABC):
     def zero(
         self, base: np.ndarray, squared: np.ndarray, C: np.ndarray, low: np.ndarray, high: np.ndarray
     ) -> np.ndarray:
-        """x (m,) between ``low`` and ``high`` with g(base + x) = C, which holds once there.
+        """x (m,) between ``low`` and ``high`` with g(base + x) = C, which holds once there, or from there on.
 
         ``squared`` is g(base) - C. g - C is positive at ``low``, and it is no matter which of the two is the larger.
         """
 
         def above(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             at = self(base, x)
-            return at.above(C, squared), at.slope
+            left = at.above(C, squared)
+            return np.where((left == 0) & (at.slope == 0), -squared, left), at.slope  # g may stay there from the first
 
         with np.errstate(all="ignore"):
             start, flat = (low + high) / 2, 2 * EPSILON * np.minimum(squared, C)

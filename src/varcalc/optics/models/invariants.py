@@ -291,7 +291,7 @@ class _Run:
         with np.errstate(all="ignore"):
             there, slope = self.profile.at(self.motions.u + side.x)
             level = np.fmax(there, self.motions.C) <= DARK_TURN * g
-            dark = side.turning & level & (np.abs(slope * side.x) <= FLAT_TURN * g)
+            dark = np.isfinite(side.x) & level & (np.abs(slope * side.x) <= FLAT_TURN * g)
         return replace(side, turning=side.turning & ~dark), dark
 
     def _carry(
