@@ -40,6 +40,8 @@ UNFORESEEN = 0.25
 """Of a cell: rays between four that are farther from where these foretell them have met something narrow."""
 LOOKED_AHEAD = 1.25
 """Of the scene: how far these are followed."""
+AT_EDGES = 2.0
+"""Times as far apart may rays of such a cell come by a surface if all of them come to it."""
 LEAST_WIDTH = 2**8
 """Steps of the lattice: cells so narrow are not halved."""
 STEP_SHARE = 0.25
@@ -349,7 +351,8 @@ class SpaceFan:
                 looked += len(cells)
                 narrow = (cells.width <= LEAST_WIDTH) | (looked > most)
                 self.given_up |= bool(np.any(narrow))
-                small = narrow | (cells.across(middle) <= 2 * radius / CELLS_ACROSS) | self._come_on(cells)
+                across, wanted = cells.across(middle), 2 * radius / CELLS_ACROSS
+                small = narrow | (across <= np.where(self._come_on(cells), AT_EDGES * wanted, wanted))
                 found.append(np.column_stack([cells.face, cells.low, cells.width])[small])
                 cells = cells.take(np.flatnonzero(~small))
                 if len(cells):
