@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,7 @@ from varcalc.optics.models.range_function import RangeFunction
 from varcalc.optics.propagation.sequential import CompiledScene, Propagator
 from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, spreading
 from varcalc.optics.rays.leg import Leg
-from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
+from varcalc.optics.rays.ray import SHADOW, OfRow, Ray, Rays, no_rays
 from varcalc.optics.validation import matched, numbers, rows
 from varcalc.progress import Interrupted, Progress, Stage, telling
 
@@ -195,6 +195,10 @@ class TwoPoint:
         known = np.fmin(ANGLE_ROUND_OFF * spread ** (1 / (d - 1)), KNOWN_ALIKE * apart)  # no better are headings told
         miss = np.maximum(np.linalg.norm(away, axis=1) - known, 0.0) / apart
         name, rays = self.full.name, []
+
+        def followed(k: int) -> Sequence[Leg]:
+            return self.full.followed(beam.take(np.array([k])), float(path[k]))[0]
+
         for k in range(len(beam)):
             if not clear[k]:
                 rays.append((None, np.inf))
@@ -206,8 +210,8 @@ class TwoPoint:
                 degenerate=bool(flat[k]),
                 tangents=(headings[k], end.momentum[k] / momentum[k]),
                 model=name,
-                spread=partial(float, spread[k]),
-                way=lambda k=k: self.full.followed(beam.take(np.array([k])), float(path[k]))[0],
+                spread=OfRow(spread.item, k),
+                way=OfRow(followed, k),
                 media=self.full.media,
                 surfaces=self.full.surfaces,
             )
@@ -248,21 +252,25 @@ class TwoPoint:
             full = other().full if careful[k] else self.full
             return full.followed(started(np.array([k])), float(known.paths[k]))[0]
 
-        name = self.full.name
+        def spread_of(k: int) -> float:
+            return float(spread()[k])
+
+        name, media, surfaces = self.full.name, self.full.media, self.full.surfaces
+        numbers_of = zip(known.paths.tolist(), known.errors.tolist(), known.counts.tolist(), strict=True)
         return [
             Ray(
-                optical_path=float(known.paths[k]),
-                error=float(known.errors[k]),
-                index=int(known.counts[k]),
+                optical_path=path,
+                error=error,
+                index=count,
                 degenerate=False,
                 tangents=(known.headings[k], known.arriving[k]),
                 model=name,
-                spread=lambda k=k: float(spread()[k]),
-                way=partial(followed, k),
-                media=self.full.media,
-                surfaces=self.full.surfaces,
+                spread=OfRow(spread_of, k),
+                way=OfRow(followed, k),
+                media=media,
+                surfaces=surfaces,
             )
-            for k in range(len(known))
+            for k, (path, error, count) in enumerate(numbers_of)
         ]
 
     def _in_space(self, ends: PointPairs, stage: Stage) -> list[Rays]:

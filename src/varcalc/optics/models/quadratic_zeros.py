@@ -188,20 +188,24 @@ class ZeroSearch:
 
     def _terms(self, origin: np.ndarray, offset: np.ndarray) -> Terms:
         """See :class:`Terms`, at ``offset`` (k,) from the ``marks`` number ``origin`` (k,)."""
-        marks = self.marks
+        marks, found = self.marks, {}
         first, second = ([np.empty((len(origin), len(self.curvature))) for _ in range(3)] for _ in range(2))
         with np.errstate(all="ignore"):
             for k, (turning, growing) in enumerate(zip(self._turning, self._growing, strict=True)):
-                if turning:
+                if (turning, growing) in found:  # as across a round rod
+                    parts = found[turning, growing]
+                elif turning:
                     parts = _sines(turning, *half_angle(turning, marks, origin, offset))
                 elif growing:
                     parts = _hyperbolic(growing, np.minimum(growing * (marks[origin] + offset) / 2, LARGEST_ANGLE))
                 else:
                     sigma = marks[origin] + offset
+                    once, twice = 1 / sigma, 1 / (sigma * sigma)
                     parts = (
-                        (1 / sigma**2, -2 / sigma**3, 6 / sigma**4),
-                        (sigma**2 / 4, sigma / 2, np.full(len(sigma), 0.5)),
+                        (twice, -2 * once * twice, 6 * twice * twice),
+                        (sigma * sigma / 4, sigma / 2, np.full(len(sigma), 0.5)),
                     )
+                found[turning, growing] = parts
                 for columns, values in zip((first, second), parts, strict=True):
                     for column, value in zip(columns, values, strict=True):
                         column[:, k] = value
@@ -351,9 +355,11 @@ def half_angle(rate: float, marks: np.ndarray, origin: np.ndarray, offset: np.nd
 
 def _sines(w: float, s: np.ndarray, c: np.ndarray) -> tuple[Derivatives, Derivatives]:
     """s₁² and s₂² of κ < 0 and their derivatives, by the sine and cosine of wσ/2."""
-    tangent = (s / c) ** 2
-    first = (w / 2 / s) ** 2, -(w**3) / 4 * c / s**3, w**4 / 8 * (1 + 2 * c**2) / s**4
-    return first, (tangent / w**2, s / c**3 / w, (1 + tangent) * (1 + 3 * tangent) / 2)
+    by_sine, by_cosine, cosine = 1 / (s * s), 1 / (c * c), c * c  # a product takes a tenth of the time of a power
+    tangent = s * s * by_cosine
+    first = w**2 / 4 * by_sine, -(w**3) / 4 * (c / s) * by_sine, w**4 / 8 * (1 + 2 * cosine) * by_sine * by_sine
+    second = tangent / w**2, s / c * by_cosine / w, (1 + tangent) * (1 + 3 * tangent) / 2
+    return first, second
 
 
 def _hyperbolic(w: float, half: np.ndarray) -> tuple[Derivatives, Derivatives]:

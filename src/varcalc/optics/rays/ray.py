@@ -30,6 +30,21 @@ SPEED_OF_LIGHT = 299_792_458.0
 """In vacuum, in metres a second (SI)."""
 
 
+@dataclass(slots=True)
+class OfRow:
+    """What is ``asked`` of one ``row`` of what many rays share, once it is called.
+
+    It is one object for the garbage collector, which looks at all there are again and again while rays are made.
+    """
+
+    asked: Callable[[int], Any]
+    row: int
+
+    def __call__(self) -> Any:
+        """The answer."""
+        return self.asked(self.row)
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Ray(Plotted):
     """A ray from A to B.
