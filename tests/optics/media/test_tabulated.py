@@ -6,6 +6,7 @@ import pytest
 
 from varcalc import optics
 from varcalc.optics import RayStatus
+from varcalc.optics.media.medium import Field
 
 HEIGHTS = np.array([-3.0, -1.7, -1.0, -0.2, 0.1, 0.3, 0.45])
 ANGLES = np.linspace(-2.0, 1.2, 9)
@@ -94,3 +95,17 @@ def test_the_rays_of_a_smooth_table_end_where_they_should():
 def test_heights_too_far_apart_for_cubics_are_refused():
     with pytest.raises(ValueError, match="which is too far; use larger units"):
         optics.Tabulated([0.0, 1.0, 1e200], [1.0, 1.1, 1.2])
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_a_table_is_looked_up_layer_by_layer_as_it_is_written_as_a_whole(smooth: bool) -> None:
+    table = optics.Tabulated(HEIGHTS, 1.4 + 0.1 * np.sin(5 * HEIGHTS), smooth=smooth)
+    heights = np.concatenate([HEIGHTS, np.linspace(-3.1, 0.55, 40)])
+    points = np.column_stack([np.zeros_like(heights), heights])
+    position = ca.SX.sym("r", 2)
+    hessian, gradient = ca.hessian(table.squared_index(position), position)
+    whole = [ca.Function("whole", [position], [ca.densify(e)]) for e in (gradient, hessian, table.index(position))]
+    expected = [np.array([np.array(f(point)).ravel() for point in points]) for f in whole]
+    field = Field(table, 2)
+    for own, other in zip((field(points)[1], field(points)[2], field.index(points)), expected, strict=True):
+        np.testing.assert_allclose(own.reshape(other.shape), other, rtol=1e-14, atol=1e-14)

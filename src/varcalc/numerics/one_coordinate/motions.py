@@ -121,7 +121,7 @@ class NoTurn(CoordinateMotion):
         nothing = np.zeros_like(q)
         return MotionPoint(
             self.u0[:, None] + sign * q, sign * speed, 1 / speed, values.g, values.slope,
-            nothing, -sign / (2 * speed), 1 / (2 * speed**3),
+            nothing, -sign / (2 * speed), 1 / (2 * speed * speed * speed),
         )  # fmt: skip
 
     @property
@@ -170,7 +170,7 @@ class OneTurn(CoordinateMotion):
         root = np.sqrt(mean)
         return MotionPoint(
             turn + sign * squared, sign * q * root, 2 / root, values.g, values.slope,
-            np.broadcast_to(1 / steep, q.shape), sign * q * by_c / (2 * root), -by_c / root**3,
+            np.broadcast_to(1 / steep, q.shape), sign * q * by_c / (2 * root), -by_c / (mean * root),
         )  # fmt: skip
 
     @property
@@ -213,7 +213,8 @@ class TwoTurns(CoordinateMotion):
         """See :meth:`CoordinateMotion.at`."""
         low, high, span = self.low[:, None], self.high[:, None], self.span[:, None]
         at_low, at_high = self.potential.at(low), self.potential.at(high)
-        above, below = span * np.sin(q / 2) ** 2, span * np.cos(q / 2) ** 2
+        s, c = np.sin(q / 2), np.cos(q / 2)
+        above, below = span * s**2, span * c**2
         upper = below < above
         x = np.where(upper, -below, above)
         rest, over = self.rests[:, :1], self.rests[:, 1:]
@@ -229,10 +230,10 @@ class TwoTurns(CoordinateMotion):
         widening = (1 / at_high[1] - 1 / at_low[1]) / span  # of the span
         u_by_c = 1 / steep + widening * x
         ease_by_c = (bend * u_by_c + steep * widening) / other - 2 * widening * ease
-        sine = np.sin(q) * span / 2
+        sine = s * c * span
         return MotionPoint(
             base + x, sine * root, 1 / root, values.g, values.slope,
-            u_by_c, sine * (widening * root + ease_by_c / (2 * root)), -ease_by_c / (2 * root**3),
+            u_by_c, sine * (widening * root + ease_by_c / (2 * root)), -ease_by_c / (2 * ease * root),
         )  # fmt: skip
 
     @property

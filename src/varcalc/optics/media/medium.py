@@ -65,6 +65,17 @@ class Medium(Parametrised, ABC):
         """
         return None
 
+    def written_in_parts(self, position: Expression) -> tuple[Expression, Expression, Expression] | None:  # noqa: ARG002  most are not
+        """Symbols (k, 1), and n² and n at ``position`` by them, which stand for the numbers of the part it is in.
+
+        None where the medium is written as a whole. :meth:`numbers_of_parts` has the numbers.
+        """
+        return None
+
+    def numbers_of_parts(self, points: np.ndarray) -> np.ndarray:
+        """The numbers (m, k) of the parts in which points (m, d) are; see :meth:`written_in_parts`."""
+        return np.zeros((len(points), 0))
+
     @property
     def dimension(self) -> int | None:
         """2 or 3 where the medium itself says so; None for a medium that fits both."""
@@ -381,17 +392,18 @@ class Field:
     dimension: int
     numbers: InitVar[Expression | None] = None
     _call: PointEvaluator = field(init=False, repr=False, compare=False)
-    _given: np.ndarray = field(init=False, repr=False, compare=False)
+    _given: np.ndarray | None = field(init=False, repr=False, compare=False)
 
     def __post_init__(self, numbers: Expression | None) -> None:
         position = ca.SX.sym("r", self.dimension)
         given = ca.SX(0, 1) if numbers is None else numbers
-        squared = self.medium.squared_index(position)
+        parts = self.medium.written_in_parts(position) if numbers is None else None
+        given, squared, index = parts or (given, self.medium.squared_index(position), self.medium.index(position))
         gradient = ca.gradient(squared, position)
-        results = [squared, gradient, ca.jacobian(gradient, position), ca.SX(self.medium.index(position))]
+        results = [squared, gradient, ca.jacobian(gradient, position), ca.SX(index)]
         function = ca.Function("field", [position, given], [ca.densify(result) for result in results])
         object.__setattr__(self, "_call", PointEvaluator(function))
-        object.__setattr__(self, "_given", np.zeros((1, given.numel())))
+        object.__setattr__(self, "_given", None if parts else np.zeros((1, given.numel())))
 
     def of(self, numbers: np.ndarray) -> Field:
         """The field for other ``numbers`` (k,); nothing is compiled for it."""
@@ -401,9 +413,13 @@ class Field:
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """n² (m,), its gradient (m, d) and its Hessian matrix (m, d, d) at points (m, d)."""
-        table, d = self._call(len(points), points, self._given), self.dimension
+        table, d = self._table(points), self.dimension
         return table[:, 0], table[:, 1 : 1 + d], table[:, 1 + d : -1].reshape(-1, d, d)
 
     def index(self, points: np.ndarray) -> np.ndarray:
         """n (m,) at points (m, d); not a number where it is not real."""
-        return self._call(len(points), points, self._given)[:, -1]
+        return self._table(points)[:, -1]
+
+    def _table(self, points: np.ndarray) -> np.ndarray:
+        given = self.medium.numbers_of_parts(points) if self._given is None else self._given
+        return self._call(len(points), points, given)

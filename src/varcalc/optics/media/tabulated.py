@@ -199,6 +199,18 @@ class Tabulated(Brief, Medium, Layers):
             squared = ca.if_else(height >= self.heights[layer], above, squared)
         return squared
 
+    def written_in_parts(self, position: Expression) -> tuple[Expression, Expression, Expression]:
+        """See :meth:`Medium.written_in_parts`: layers."""
+        height, constants = position[position.numel() - 1], ca.SX.sym("layer", 6)
+        squared = self.written(height, constants)
+        inside = ca.logic_and(height >= self.heights[0], height <= self.heights[-1])
+        return constants, squared, ca.sqrt(ca.if_else(inside, squared, -1.0))
+
+    def numbers_of_parts(self, points: np.ndarray) -> np.ndarray:
+        """See :meth:`constants`."""
+        heights = points[:, -1]
+        return self.constants(self.layer_of(heights, np.ones(len(heights), dtype=bool)))
+
     def constants(self, layers: np.ndarray) -> np.ndarray:
         """See :meth:`Layers.constants`: the heights, and the coefficients of the cubic; (m, 6)."""
         heights = np.asarray(self.heights)
