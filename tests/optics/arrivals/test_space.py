@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq, minimize_scalar, root
 
 from varcalc import optics
-from varcalc.optics.arrivals import space
+from varcalc.optics.arrivals import space, space_fan
 from varcalc.optics.arrivals.directions import SIDE, headings, placed
 from varcalc.progress import Interrupted
 
@@ -302,4 +302,13 @@ def test_no_ray_comes_from_one_ball_to_another_in_its_shadow() -> None:
     balls = [optics.Sphere((0, 0, 0), 0.5, mirror=True), optics.Sphere((1, 0.1, 0), 0.1, mirror=True)]
     rays = optics.Scene(AIR, balls).rays((-2, 0, 0), (0.5, 2, 0))
     assert len(rays) == 0
+    assert rays.unresolved == 0
+
+
+def test_a_ray_by_convex_mirrors_is_known_to_be_the_only_one_where_cells_are_left(monkeypatch) -> None:
+    """The length is convex in points of the balls."""
+    monkeypatch.setattr(space_fan, "MOST_WINDOWS", 400)
+    balls = [optics.Sphere(middle, 0.1, mirror=True) for middle in ((-0.6, 0.1, 0.2), (0.7, 0.8, 0.1))]
+    rays = optics.Scene(AIR, balls).rays((-2, 0.1, 0.3), (2, -0.2, 0.1))
+    assert len(rays) == 1
     assert rays.unresolved == 0

@@ -33,6 +33,7 @@ from varcalc.optics.propagation.sequential import CompiledScene, Propagator
 from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, spreading
 from varcalc.optics.rays.leg import Leg
 from varcalc.optics.rays.ray import SHADOW, OfRow, Ray, Rays, no_rays
+from varcalc.optics.surfaces import Sphere
 from varcalc.optics.validation import matched, numbers, rows
 from varcalc.progress import Interrupted, Progress, Stage, telling
 
@@ -102,6 +103,19 @@ class TwoPoint:
         """Whether rays are carried over knots of tables."""
         return any(isinstance(model, HamiltonRays) and model.steps_over_knots for model in self.full.models)
 
+    def one_at_most(self, ends: PointPairs) -> np.ndarray:
+        """True (k,) for pairs that see mirrors alone, each convex to them, in one uniform medium.
+
+        The length is convex in points of the balls (Boyd and Vandenberghe, "Convex Optimization", sect. 5.5.3), and a
+        ray is a least one, with one multiplier above 0 for each mirror: on a sphere there is one such point.
+        """
+        surfaces = self.full.surfaces
+        balls = all(isinstance(one, Sphere) and one.mirror for one in surfaces)
+        if not (surfaces and balls and self.full.media[0].is_uniform):
+            return np.zeros(len(ends), dtype=bool)
+        levels = [one.level(p) for one in self.full.geometries for p in (ends.sources, ends.targets)]
+        return np.min(levels, axis=0) > 0
+
     def found(self, pairs: PointPairs, stage: Stage) -> list[Rays]:
         """All rays of each pair, in the planes that hold them or over all directions of space.
 
@@ -132,6 +146,7 @@ class TwoPoint:
         fan.given_up += given_up
         found = WavefrontConstruction(fan, PlanePairs(source, flat[1], ends.within, distance)).run(stage)
         rays = self._rays(ends, found)
+        found.unresolved[self.one_at_most(ends) & [len(own) == 1 for own in rays]] = 0
         searched = f"all directions of the plane ({fan.looked_at} looked at, %d narrow cells left unresolved"
         searched += f"{fan.resolution}{said}), "
         searched += f"optical paths up to %.6g, no farther than %.6g from B{f'; {STOPPED}' if stage.stopped else ''}"
@@ -288,7 +303,7 @@ class TwoPoint:
                     one.take_in(fan.held(cells, one.target), stage)
                 if all(one.given_up for one in searches):
                     break
-        answers = []
+        answers, one_at_most = [], self.one_at_most(ends)
         for k, one in enumerate(searches):
             met = one.met
             met = met.take(np.flatnonzero(met.path <= ends.within[k]))
@@ -297,6 +312,7 @@ class TwoPoint:
             rays = [ray for ray, miss in built if ray is not None and miss <= MEETS]
             unresolved = one.unresolved + int(fan.given_up) + int(fan.unlit) + int(stage.stopped)
             unresolved += sum(ray is not None and miss > MEETS for ray, miss in built)
+            unresolved = 0 if one_at_most[k] and len(rays) == 1 else unresolved
             searched = (
                 f"all directions of space ({fan.looked_at} looked at, {unresolved} "
                 f"narrow cells left unresolved{', ' if fan.resolution else ''}{fan.resolution}), "
