@@ -6,7 +6,7 @@ import casadi as ca
 import pytest
 
 import varcalc as vc
-from varcalc.formulation.singular.offsets import gathered
+from varcalc.formulation.singular.offsets import gathered, multiplied_out
 from varcalc.problem.functional import Symbols
 
 SYMBOLS = Symbols.make(ca.SX, 1, 1, 0, 0)
@@ -26,6 +26,14 @@ def test_constants_cancel_before_anything_is_rounded(expression: Any, exact: Any
     function = ca.Function("f", [t], [gathered(expression(t), SYMBOLS)])
     for at in (1e-30, 0.3):
         assert float(function(at)) == pytest.approx(exact(at), rel=1e-15)
+
+
+def test_products_are_multiplied_out() -> None:
+    t = SYMBOLS.x
+    # the square of the rounded root of 2 is 2 but for rounding
+    for expression, exact in ((1 - (1 - t) ** 2, 2e-30), (2 - (2**0.5 - t) * (2**0.5 - t), 2**1.5 * 1e-30)):
+        function = ca.Function("f", [t], [multiplied_out(expression, SYMBOLS)])
+        assert float(function(1e-30)) == pytest.approx(exact, rel=1e-15)
 
 
 @pytest.mark.parametrize("power", [0.3, 0.5, 0.75])

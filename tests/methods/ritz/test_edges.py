@@ -58,17 +58,55 @@ def test_weight_of_the_abscissa():
     is_solved(problem, (math.sqrt(1 + p * p) - p * p * math.asinh(1 / p)) / 2)
 
 
-def test_barriers():
-    # x^2 2 y' / (1 - y'^2) = 2 p: with w = x^2 / 2p the slope is sqrt(1 + w^2) - w, and 1 - y'^2 = 2 w y'
+def barrier(power):
+    """The rise over a unit of x, and the integral of x^n log(1 - y'^2), along x^n 2 y' / (1 - y'^2) = 2 p."""
+    # with w = x^n / 2p the slope is sqrt(1 + w^2) - w, and 1 - y'^2 = 2 w y'
     p = 0.5
     nodes, weights = np.polynomial.legendre.leggauss(60)
     x = (1 + nodes) / 2
-    w = x**2 / (2 * p)
+    w = x**power / (2 * p)
     slope = np.sqrt(1 + w**2) - w
-    rise = float(weights @ slope) / 2
-    # of x^2 log(x^2) the integral is -2/9
-    value = float(weights @ (x**2 * np.log(slope / p))) / 2 - 2 / 9
-    problem = vc.Problem(lambda x, y, v: x**2 * np.log(1 - v**2), vc.Fixed(0, 0), vc.Fixed(1, rise), maximise=True)
+    # the integral of x^n log(x^n) is -n / (n + 1)^2
+    value = float(weights @ (x**power * np.log(slope / p))) / 2 - power / (power + 1) ** 2
+    return float(weights @ slope) / 2, value
+
+
+@pytest.mark.parametrize("power", [2, 3])
+@pytest.mark.parametrize("at_start", [True, False])
+def test_barriers(power, at_start):
+    rise, value = barrier(power)
+
+    def lagrangian(x, y, v):
+        return (x if at_start else 1 - x) ** power * np.log(1 - v**2)
+
+    found = is_solved(vc.Problem(lagrangian, vc.Fixed(0, 0), vc.Fixed(1, rise), maximise=True), value)
+    assert found.stats.elements == 1
+
+
+def test_barriers_of_two_functions():
+    rise, value = barrier(3)
+    problem = vc.Problem(
+        lambda x, y, v: x**3 * np.log(1 - v[0] ** 2 - v[1] ** 2),
+        vc.Fixed(0, [0, 0]), vc.Fixed(1, [0.6 * rise, 0.8 * rise]), maximise=True,
+    )  # fmt: skip
+    is_solved(problem, value)
+
+
+@pytest.mark.parametrize(("power", "n"), [(0.5, 2), (0.63, 12), (0.77, 20)])
+@pytest.mark.parametrize("at_start", [True, False])
+def test_infinite_at_the_end_whatever_the_slope(power, n, at_start):
+    # 1 / sqrt(1 - y'^2) - y^-a = E, with y = u^n and n so large that all is smooth
+    E = 1.5
+    nodes, weights = np.polynomial.legendre.leggauss(80)
+    u = (1 + nodes) / 2
+    y, dy = u**n, n * u ** (n - 1) * weights / 2
+    inverse = 1 / (E + y**-power)
+    slope = np.sqrt(1 - inverse**2)
+    width, value = float((dy / slope).sum()), float((dy * (y**-power - inverse) / slope).sum())
+    ends = vc.Fixed(0, 0), vc.Fixed(width, 1)
+    problem = vc.Problem(
+        lambda x, y, v: y**-power - np.sqrt(1 - v**2), *(ends if at_start else (vc.Fixed(0, 1), vc.Fixed(width, 0)))
+    )
     is_solved(problem, value)
 
 

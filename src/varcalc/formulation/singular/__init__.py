@@ -33,6 +33,7 @@ from varcalc.formulation.singular.detection import (
     homogeneous,
     singular_ends,
 )
+from varcalc.formulation.singular.edge import edge_form
 from varcalc.formulation.singular.energy import Energy, energy_forms
 from varcalc.formulation.singular.graph import applies, factored_graph
 from varcalc.formulation.singular.inside import inside_form
@@ -168,8 +169,7 @@ def _makers(problem: Functional) -> Makers:
     if metric is None:
         if not (isinstance(problem, Problem) and both_fixed):
             return [direct]
-        others = _others(problem, singular)
-        return [*others, direct] if any(singular) or not regular(problem) else [direct, *others]
+        return _of_no_metric(problem, singular)
     blowups = _blowups(problem, singular, beyond)
     others = energy_forms(problem, metric, singular, blowups) if blowups or not curve else []
     return [*others, direct] if blowups else [direct, *others]
@@ -220,10 +220,13 @@ def _blowups(problem: Functional, singular: tuple[bool, bool], beyond: tuple[boo
     return found
 
 
-def _others(problem: Problem, singular: tuple[bool, bool]) -> Makers:
-    """Forms for a Lagrangian that is no metric: powers of the abscissa, or of both coordinates."""
-    in_x = partial(abscissa_form, problem)
-    return [in_x, partial(power_form, problem, singular)] if singular[0] != singular[1] else [in_x]
+def _of_no_metric(problem: Problem, singular: tuple[bool, bool]) -> Makers:
+    """Forms for a Lagrangian that is no metric: powers of the abscissa, of both coordinates, or beside an edge."""
+    direct, in_x = partial(_direct, problem), partial(abscissa_form, problem)
+    if not any(singular) and regular(problem):
+        return [direct, in_x]
+    powers = [partial(power_form, problem, singular)] if singular[0] != singular[1] else []
+    return [in_x, partial(edge_form, problem), *powers, direct]
 
 
 def _plain(problem: Functional) -> bool:

@@ -7,7 +7,7 @@ Sums are therefore carried as a constant and the rest, and 1 - (1 - t) is t.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -17,6 +17,8 @@ from varcalc.symbolic.instructions import interpret, operate
 from varcalc.symbolic.tracing import Expression
 
 COMPARED = frozenset({ca.OP_LT, ca.OP_LE})
+CANCELLED = 1e-15
+"""Share of two constants to which their sum cancels where it is zero but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,9 @@ class _Sum:
     def plus(self, other: _Sum) -> _Sum:
         """The sum of two, constants with constants."""
         rests = [r for r in (self.rest, other.rest) if r is not None]
-        return _Sum(self.constant + other.constant, rests[0] + rests[-1] if len(rests) == 2 else (rests or [None])[0])
+        constant = self.constant + other.constant
+        constant = constant if abs(constant) > CANCELLED * abs(other.constant) else 0.0
+        return _Sum(constant, rests[0] + rests[-1] if len(rests) == 2 else (rests or [None])[0])
 
 
 def gathered(expression: Expression, symbols: Symbols) -> Expression:
@@ -48,11 +52,37 @@ def gathered(expression: Expression, symbols: Symbols) -> Expression:
 
     Expressions that are no formula (interpolated data) are returned as they are.
     """
+    return _carried_out(_applied, expression, symbols)
+
+
+def multiplied_out(expression: Expression, symbols: Symbols) -> Expression:
+    """The same with products of sums multiplied out: 1 - (1 - t)^2 is t (2 - t).
+
+    Where it is the constant of a factor that cancels, as 1 - t where t is all but 1, that costs digits.
+    """
+    return _carried_out(_multiplied, expression, symbols)
+
+
+def _carried_out(
+    algebra: Callable[[int, Sequence[_Sum]], _Sum], expression: Expression, symbols: Symbols
+) -> Expression:
     if not isinstance(expression, ca.SX):
         return expression
     function = ca.Function("gathered", [ca.vertcat(*map(ca.vec, symbols.all))], [ca.densify(expression)])
     arguments = [[_Sum(0.0, entry) for entry in ca.vertsplit(ca.vertcat(*map(ca.vec, symbols.all)))]]
-    return interpret(function, arguments, lambda number: _Sum(number, None), _applied)[0][0].value
+    return interpret(function, arguments, lambda number: _Sum(number, None), algebra)[0][0].value
+
+
+def _multiplied(operation: int, operands: Sequence[_Sum]) -> _Sum:
+    first, last = operands[0], operands[-1]
+    if (
+        operation not in {ca.OP_MUL, ca.OP_SQ}
+        or not (first.constant and last.constant)
+        or None in {first.rest, last.rest}
+    ):
+        return _applied(operation, operands)
+    rest = first.constant * last.rest + last.constant * first.rest + first.rest * last.rest
+    return _Sum(first.constant * last.constant, rest)
 
 
 def _applied(operation: int, operands: Sequence[_Sum]) -> _Sum:

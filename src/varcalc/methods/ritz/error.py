@@ -194,6 +194,8 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
         return "the Newton step in the richer space is not defined (degenerate Hessian)"
     found = correction(system, z, at, step.change, step.multipliers, step.decrement, rung.value)
     if not (step.definite and _contracts(system, z, step, at, found)):
+        if not math.isfinite(system.evaluate(z + step.change).value):  # the domain of L has an edge in the way
+            return _by_solving(rungs, rung, system, z, previous)
         found = replace(found, error=math.inf)
     return Estimate(**vars(found), system=system, z=z, at=at, step=step, shares=_shares(rungs, system, step.change))
 
