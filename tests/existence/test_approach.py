@@ -55,6 +55,22 @@ def test_no_gap_and_no_concentration_where_a_curve_attains_the_minimum(lagrangia
     assert gap(problem, found) is None
 
 
+@pytest.mark.parametrize("length", [1.5707, 1.58, 1.65])
+def test_a_jump_lower_than_what_the_slope_rises_by_beside_it(length):
+    # the greatest area on a chord of 1 under graphs of a length beyond pi / 2 is that of a half disc on two pillars
+    problem = vc.Problem(
+        lambda x, y, v: y, vc.Fixed(0, 0), vc.Fixed(1, 0),
+        [vc.Isoperimetric(lambda x, y, v: ca.sqrt(1 + v**2), length)], maximise=True,
+    )  # fmt: skip
+    found = approached(problem, closely=True)
+    assert found.concentrates == (length > np.pi / 2)
+    if found.concentrates:
+        supremum = np.pi / 8 + (length - np.pi / 2) / 2
+        assert found.limit == pytest.approx(supremum, rel=2e-5)
+        refusal = vc.solve(problem, throw=False)
+        assert refusal.verdict is vc.Verdict.NOT_ATTAINED
+
+
 @pytest.mark.parametrize(("problem", "verdict"), [(WEIERSTRASS, vc.Verdict.NOT_ATTAINED), (MANIA, vc.Verdict.GAP)])
 def test_solve_says_why_there_is_no_minimum(problem, verdict):
     with pytest.raises(vc.VariationalError) as refusal:

@@ -33,6 +33,8 @@ STEEPENING = 1.7
 """Growth of the steepest slope at each halving of the mesh that is concentration (2 for a jump)."""
 GROWING = 1.4
 """Growth from which it may come to be that: of a slope that is infinite like the root of the distance."""
+STANDING = 0.97
+"""Share of the height of a low jump beside such a slope that each refinement of the mesh leaves, and three do."""
 SINGULAR_POWERS = (2, 3, 4, 5, 6)
 """Powers k of the abscissa, x - x_end ~ t^k, that give a curve an infinite slope at an end."""
 SMOOTH_DEGREE = 10
@@ -64,8 +66,17 @@ class MinimisingSequence:
     def concentrates(self) -> bool:
         """Whether the steepest slope grows with every refinement as that of a jump does, while the values improve."""
         steepest = self.steepest[-len(POLYGON_PIECES) :]  # what stands upright may be lower than the first pieces
-        growing = bool(np.all(steepest[1:] > STEEPENING * steepest[:-1]))
+        growing = bool(np.all(steepest[1:] > STEEPENING * steepest[:-1])) or self._stands
         return growing and bool(np.all(np.diff(-self.values if self.maximise else self.values) < 0))
+
+    @property
+    def _stands(self) -> bool:
+        """Whether a part of the steepest piece's height does not fall like the root of its width, as the rest may."""
+        if len(self.elements) < len(POLYGON_PIECES) + len(MORE_PIECES):
+            return False
+        heights = self.steepest / self.elements
+        low = (heights[1:] - math.sqrt(0.5) * heights[:-1])[-len(MORE_PIECES) :]
+        return bool(low[0] > 0 and (low[1:] > STANDING * low[:-1]).all())
 
     @property
     def finding(self) -> Finding:

@@ -606,7 +606,8 @@ class _Climb:
 
     def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
         """Climb the degree while that pays, else bisect where the error is."""
-        local = (found.shares > BISECTED_SHARE * found.shares.max()).sum() <= FEW and rung.system.space.elements > FEW
+        few = (found.shares > BISECTED_SHARE * found.shares.max()).sum() <= FEW and rung.system.space.elements > FEW
+        local = few and math.isfinite(found.error)  # of what is no minimum in a richer space a few elements say nothing
         self.slow = 0.0 if found.error < SLOW * previous else self.slow + (LOCAL if local else 1.0)
         if self.slow >= SLOW_REFINEMENTS:
             return "refinement after refinement hardly lowered the error"
