@@ -535,8 +535,9 @@ def _by_meshes(
     if not found.status.ok and many != exact_way:
         found = polish(exact_way, start)
     surely = rough.status.ok and _is_lower(rough.value, best, rough.error.value, SURELY_LOWER)
-    if found.status.ok and surely and not _is_lower(found.value, best, found.error.value, LOWER):
-        found = polish(many, _samples(rough))  # the finer mesh left the valley
+    if surely and not (found.status.ok and _is_lower(found.value, best, found.error.value, LOWER)):
+        # the finer mesh left the valley; or the polygon left the domain of L, which the rough curve on its mesh did not
+        found = polish(many if found.status.ok else ACROSS[1], _samples(rough))
     if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
         return found
     if surely:
