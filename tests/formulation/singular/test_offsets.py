@@ -1,5 +1,6 @@
 """Constants gathered in sums, so that coordinates measured from an end keep their digits."""
 
+import math
 from typing import Any
 
 import casadi as ca
@@ -31,7 +32,14 @@ def test_constants_cancel_before_anything_is_rounded(expression: Any, exact: Any
 def test_products_are_multiplied_out() -> None:
     t = SYMBOLS.x
     # the square of the rounded root of 2 is 2 but for rounding
-    for expression, exact in ((1 - (1 - t) ** 2, 2e-30), (2 - (2**0.5 - t) * (2**0.5 - t), 2**1.5 * 1e-30)):
+    cases = [
+        (1 - (1 - t) ** 2, 2e-30),
+        (2 - (2**0.5 - t) * (2**0.5 - t), 2**1.5 * 1e-30),
+        (1 - (3 - t) / 3, 1e-30 / 3),
+        (math.pi / 2 - ca.asin(1 - t), 2**0.5 * 1e-15),
+        (math.pi / 2 + ca.asin(t - 1), 2**0.5 * 1e-15),
+    ]
+    for expression, exact in cases:
         function = ca.Function("f", [t], [multiplied_out(expression, SYMBOLS)])
         assert float(function(1e-30)) == pytest.approx(exact, rel=1e-15)
 

@@ -119,6 +119,21 @@ def test_edges_at_which_l_is_finite():
     assert found.y(0.25) == pytest.approx(math.sin(math.pi / 4) / math.pi, abs=1e-7)
 
 
+@pytest.mark.parametrize("at_start", [True, False])
+def test_edges_at_which_the_slope_of_l_is_finite_and_l_infinite(at_start):
+    # y' L_y' - L = -sqrt((1 - y'^2) / y) is -2 sqrt(k): the parabola y = x - k x^2
+    k = 0.3
+    rise, slope = 1 - k, 1 - 2 * k
+
+    def lagrangian(x, y, v):
+        return (v * np.arcsin(v) + np.sqrt(1 - v**2)) / np.sqrt(y)
+
+    ends = (0, rise) if at_start else (rise, 0)
+    problem = vc.Problem(lagrangian, vc.Fixed(0, ends[0]), vc.Fixed(1, ends[1]))
+    # by parts, as d asin y' = -sqrt(k / y) dx
+    is_solved(problem, 4 * math.sqrt(k) + 2 * math.sqrt(rise) * math.asin(slope))
+
+
 def test_narrow_loads_beside_an_edge_are_seen():
     # beside the edge at 0 only what L makes of the slope is left alone: a load there still moves the curve
     load = lambda x: 2e3 / (1 + ((x - 0.02) / 1e-5) ** 2)  # noqa: E731

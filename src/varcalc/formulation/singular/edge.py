@@ -30,14 +30,21 @@ SECTIONS, ROUNDS = 64, 10
 """Parts in which the interval that holds an edge is cut at once, and times that it is."""
 STANDS_STILL = 1e-12
 """Relative move of an edge between the distances of PROBE that is none."""
-DEFICITS = np.geomspace(1e-70, 1.0, 701)
-"""Distances from the edge, in units of the chord's, among which the slope of the extremal is looked for."""
+AGAIN = 1.0, 0.37
+"""Shares of the distances of PROBE at which a power is measured."""
+DEFICITS = np.geomspace(1.0, 1e-70, 701)
+"""Distances from the edge, in units of the chord's, among which the slope of the extremal is looked for.
+
+They come nearer: where parts of L_y' that are infinite at the edge cancel there is but round-off next to it.
+"""
 SUMMED = 1.1
 """Power of t, at least, that the integral of L from an end is to grow with where it is no whole one."""
 LEAST_POWER, SMOOTH_SUM, MOST_POWER = 3, 3, 2 * LARGEST_DENOMINATOR
 """Powers of t: of the curve where no whole one makes it analytic, at least; of what L is summed to, that need not be
 whole; and the most of x.
 """
+WHOLE = 1e-3
+"""Relative distance from a whole power of one that is whole."""
 HALF_WAY = np.geomspace(1e-8, 1e8, 129)
 """Weights of a power of the distance by which a first curve turns from the edge to its other slope."""
 NEXT_TO_END = 1e-6
@@ -75,18 +82,20 @@ class _Edge:
 
     @cached_property
     def _near(self) -> ca.Function:
-        """(L, L_y, L_y') as functions of the distance and of how much the slope falls short of the edge."""
+        """(L, L_x, L_y, L_y', y' L_y' - L) as functions of the distance and of how much the slope is short of s."""
         problem, symbols = self.problem, _symbols(self.problem)
-        step, short = math.copysign(1.0, self.inward) * symbols.x, symbols.y
+        step, slope = math.copysign(1.0, self.inward) * symbols.x, self.s - self.side * symbols.y
         x, y = self.corner[0] + step, self.corner[1] + self.s * step
-        rewrite = rewriter(problem, symbols, x, y, [self.s - self.side * short], symbols.kind(1))
-        value = multiplied_out(rewrite(problem.integrand, False), symbols)
-        pull = multiplied_out(rewrite(ca.gradient(problem.integrand, problem.symbols.y), False), symbols)
-        rows = ca.vertcat(value, pull, -self.side * ca.gradient(value, short))
-        return ca.Function("near", [symbols.x, short, symbols.parameters, symbols.unknowns], [ca.densify(rows)])
+        rewrite = rewriter(problem, symbols, x, y, [slope], symbols.kind(1))
+        old = problem.symbols
+        slopes = ca.gradient(problem.integrand, ca.vertcat(old.x, old.y, old.dy))
+        parts = [problem.integrand, *ca.vertsplit(slopes)]
+        value, along, across, momentum = (multiplied_out(rewrite(part, False), symbols) for part in parts)
+        rows = ca.vertcat(value, along, across, momentum, slope * momentum - value)
+        return ca.Function("near", [symbols.x, symbols.y, symbols.parameters, symbols.unknowns], [ca.densify(rows)])
 
     def beside(self, distances: np.ndarray, short: np.ndarray) -> np.ndarray:
-        """L, L_y and L_y' (3, m) at ``distances`` from the end, the slope ``short`` of the edge by so much."""
+        """What :meth:`_near` tells (5, m) at ``distances`` from the end, the slope ``short`` of the edge by so much."""
         numbers = self.problem.parameter_values, self.problem.unknown_guesses
         return np.asarray(self._near(distances[None], short[None], *numbers))
 
@@ -94,27 +103,42 @@ class _Edge:
     def powers(self) -> tuple[float, float] | None:
         """m and k: the slope is short of the edge by d^m at a distance d, and L is d^k along the curve; None for none.
 
-        The momentum is that of the chord half way, or what L_y sums to from there where that grows without end.
+        Both are told from two pairs of distances: of round-off each makes another power.
         """
+        m, again = (self._power(share) for share in AGAIN)
+        if m is None or again is None or not m > MEASURED or abs(again - m) > WHOLE * m:
+            return None
         unit, probes = abs(self.s - self.chord), abs(self.inward) * np.array(PROBE)
-        short, count = unit * DEFICITS, len(DEFICITS)
-        momenta = self.beside(probes.repeat(count), np.tile(short, 2))[2].reshape(2, count)
-        pulls = self.beside(probes, np.full(2, 0.5 * unit))[1]
-        # L_y' = C - the integral of L_y from here inward
-        levels = -math.copysign(1.0, self.inward) * probes * pulls
-        if not (np.isfinite(levels).all() and abs(levels[1]) > GROWN * abs(levels[0])):
-            middle = 0.5 * (end_points(self.problem)[0] + end_points(self.problem)[1])
-            at = self.problem.integrand_derivatives(middle[:1], middle[1:, None], np.array([[self.chord]]))
-            levels = np.full(2, at.gradient[0, 2])
-        if not (np.isfinite(levels).all() and (levels * levels[0] > 0).all()):
-            return None
-        m = scaling(short, list(momenta / levels[:, None]), 1.0)
-        if m is None or not math.isfinite(m) or m <= MEASURED:
-            return None
         values = np.abs(self.beside(probes, unit * (probes / probes[0]) ** m * 1e-3)[0])
         if not (np.isfinite(values).all() and (values > 0).all()):
             return None
         return m, math.log(values[0] / values[1]) / math.log(PROBE[0] / PROBE[1])
+
+    def _power(self, share: float) -> float | None:
+        """The power of the distance by which the slope is short of the edge, at PROBE times ``share``; None for none.
+
+        The momentum L_y' is that of the chord half way where it changes little from there. Where it grows without end
+        the energy is, or else the momentum is what L_y sums to.
+        """
+        unit, probes = abs(self.s - self.chord), share * abs(self.inward) * np.array(PROBE)
+        short, count = unit * DEFICITS, len(DEFICITS)
+        near = self.beside(probes.repeat(count), np.tile(short, 2))[3:].reshape(2, 2, count)
+        changes = probes * self.beside(probes, np.full(2, 0.5 * unit))[1:3]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            grow = (np.abs(changes[:, 1]) > GROWN * np.abs(changes[:, 0])).tolist()
+        middle = end_points(self.problem)[0] + end_points(self.problem)[1]
+        at = self.problem.integrand_derivatives(0.5 * middle[:1], 0.5 * middle[1:, None], np.array([[self.chord]]))
+        momentum = float(at.gradient[0, 2])
+        if not grow[1]:
+            rows, levels = near[0], np.full(2, momentum)
+        elif not grow[0]:
+            rows, levels = near[1], np.full(2, self.chord * momentum - float(at.rows[0, 0]))
+        else:  # L_y' = C - the integral of L_y from here inward
+            rows, levels = near[0], -math.copysign(1.0, self.inward) * changes[1]
+        if not (np.isfinite(levels).all() and (levels * levels[0] > 0).all()):
+            return None
+        m = scaling(short, list(rows / levels[:, None]), 1.0)
+        return m if m is not None and math.isfinite(m) else None
 
     @property
     def whole(self) -> tuple[int, int] | None:
@@ -126,7 +150,7 @@ class _Edge:
             if _is_whole(b * e) and (_is_whole(b * k) or b * k >= SMOOTH_SUM):
                 return b, round(b * e)
         b = max(math.ceil(LEAST_POWER / e), math.ceil(SUMMED / k))
-        return None if b > MOST_POWER else (b, math.floor(b * e))
+        return None if b > MOST_POWER else (b, math.floor(b * e + MEASURED))
 
     def turning(self) -> Callable[[np.ndarray], np.ndarray]:
         """How far a curve falls behind the line along the edge, as shares of the interval from the end in its length.
@@ -157,7 +181,7 @@ def edge_form(problem: Problem) -> Form | None:
 
 
 def _is_whole(power: float) -> bool:
-    return abs(power - round(power)) <= MEASURED * power
+    return abs(power - round(power)) <= WHOLE * power
 
 
 def _symbols(problem: Problem) -> Symbols:

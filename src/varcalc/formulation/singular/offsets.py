@@ -7,6 +7,7 @@ Sums are therefore carried as a constant and the rest, and 1 - (1 - t) is t.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from varcalc.problem.functional import Symbols
 from varcalc.symbolic.instructions import interpret, operate
 from varcalc.symbolic.tracing import Expression
 
+PRODUCTS = frozenset({ca.OP_MUL, ca.OP_SQ})
 COMPARED = frozenset({ca.OP_LT, ca.OP_LE})
 CANCELLED = 1e-15
 """Share of two constants to which their sum cancels where it is zero but for rounding."""
@@ -75,14 +77,18 @@ def _carried_out(
 
 def _multiplied(operation: int, operands: Sequence[_Sum]) -> _Sum:
     first, last = operands[0], operands[-1]
-    if (
-        operation not in {ca.OP_MUL, ca.OP_SQ}
-        or not (first.constant and last.constant)
-        or None in {first.rest, last.rest}
-    ):
+    if operation == ca.OP_DIV and last.rest is None:
+        return first.times(1 / last.constant)
+    if first.rest is None or last.rest is None or not (first.constant and last.constant):
         return _applied(operation, operands)
-    rest = first.constant * last.rest + last.constant * first.rest + first.rest * last.rest
-    return _Sum(first.constant * last.constant, rest)
+    if operation in PRODUCTS:
+        rest = first.constant * last.rest + last.constant * first.rest + first.rest * last.rest
+        return _Sum(first.constant * last.constant, rest)
+    side = 1.0 if first.constant > 0 else -1.0
+    if operation == ca.OP_ASIN and abs(first.constant - side) <= CANCELLED:
+        # asin(1 - r) = pi/2 - 2 asin(sqrt(r/2)), whose slope is not made of 1 - (1 - r)^2
+        return _Sum(side * 0.5 * math.pi, -side * 2 * ca.asin(ca.sqrt(-side * 0.5 * first.rest)))
+    return _applied(operation, operands)
 
 
 def _applied(operation: int, operands: Sequence[_Sum]) -> _Sum:
