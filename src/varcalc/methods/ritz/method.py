@@ -606,8 +606,9 @@ class _Climb:
 
     def next_rung(self, rung: Rung, found: Estimate, previous: float) -> Rung | str:
         """Climb the degree while that pays, else bisect where the error is."""
-        few = (found.shares > BISECTED_SHARE * found.shares.max()).sum() <= FEW and rung.system.space.elements > FEW
-        local = few and math.isfinite(found.error)  # of what is no minimum in a richer space a few elements say nothing
+        local = (found.shares > BISECTED_SHARE * found.shares.max()).sum() <= FEW and rung.system.space.elements > FEW
+        # what a prescribed integral makes stand upright is a minimum in no richer space, nor on its way into a layer
+        local = local and (math.isfinite(found.error) or not self.form.conditions.integrals)
         self.slow = 0.0 if found.error < SLOW * previous else self.slow + (LOCAL if local else 1.0)
         if self.slow >= SLOW_REFINEMENTS:
             return "refinement after refinement hardly lowered the error"
