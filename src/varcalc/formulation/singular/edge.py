@@ -105,8 +105,9 @@ class _Edge:
 
         Both are told from two pairs of distances: of round-off each makes another power.
         """
-        m, again = (self._power(share) for share in AGAIN)
-        if m is None or again is None or not m > MEASURED or abs(again - m) > WHOLE * m:
+        told = ([self._power(share, summed=summed) for share in AGAIN] for summed in (True, False))
+        m = next((m for m, again in told if m > MEASURED and abs(again - m) <= WHOLE * m), None)
+        if m is None:
             return None
         unit, probes = abs(self.s - self.chord), abs(self.inward) * np.array(PROBE)
         values = np.abs(self.beside(probes, unit * (probes / probes[0]) ** m * 1e-3)[0])
@@ -114,11 +115,11 @@ class _Edge:
             return None
         return m, math.log(values[0] / values[1]) / math.log(PROBE[0] / PROBE[1])
 
-    def _power(self, share: float) -> float | None:
-        """The power of the distance by which the slope is short of the edge, at PROBE times ``share``; None for none.
+    def _power(self, share: float, *, summed: bool) -> float:
+        """The power of the distance by which the slope is short of the edge, at PROBE times ``share``; NaN for none.
 
         The momentum L_y' is that of the chord half way where it changes little from there. Where it grows without end
-        the energy is, or else the momentum is what L_y sums to.
+        it is what L_y is ``summed`` to, or else the energy is that of the chord.
         """
         unit, probes = abs(self.s - self.chord), share * abs(self.inward) * np.array(PROBE)
         short, count = unit * DEFICITS, len(DEFICITS)
@@ -131,14 +132,14 @@ class _Edge:
         momentum = float(at.gradient[0, 2])
         if not grow[1]:
             rows, levels = near[0], np.full(2, momentum)
-        elif not grow[0]:
-            rows, levels = near[1], np.full(2, self.chord * momentum - float(at.rows[0, 0]))
-        else:  # L_y' = C - the integral of L_y from here inward
+        elif summed:  # L_y' = C - the integral of L_y from here inward
             rows, levels = near[0], -math.copysign(1.0, self.inward) * changes[1]
+        else:
+            rows, levels = near[1], np.full(2, math.nan if grow[0] else self.chord * momentum - float(at.rows[0, 0]))
         if not (np.isfinite(levels).all() and (levels * levels[0] > 0).all()):
-            return None
+            return math.nan
         m = scaling(short, list(rows / levels[:, None]), 1.0)
-        return m if m is not None and math.isfinite(m) else None
+        return math.nan if m is None else m
 
     @property
     def whole(self) -> tuple[int, int] | None:
