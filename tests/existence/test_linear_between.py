@@ -123,3 +123,70 @@ def test_a_fit_that_changes_its_weight_is_followed_without_a_jump() -> None:
     first, last = 1 / math.sqrt(5), 1 / math.sqrt(50)
     value = 1 - first - last + (5 * first**3 + 50 * last**3) / 3
     assert vc.solve(problem).value == pytest.approx(value, abs=1e-12)
+
+
+@pytest.mark.parametrize("ends", [(vc.Free(0), vc.Free(1)), (vc.Free(0), vc.Fixed(1, 3))])
+def test_constant_data_are_their_own_fit(ends: tuple[vc.End, vc.End]) -> None:
+    solution = vc.solve(vc.Problem(lambda x, y, v: ca.fabs(v) + 20 * (y - 3) ** 2, *ends))
+    assert solution.value == pytest.approx(0.0, abs=1e-12)
+    assert solution.y(np.array([0.0, 0.3, 1.0])) == pytest.approx(3.0, abs=1e-9)
+
+
+def test_a_weak_fit_is_one_constant() -> None:
+    # the momentum is at most weight / 4, which the kink takes
+    solution = vc.solve(vc.Problem(lambda x, y, v: ca.fabs(v) + 3.5 * (y - x) ** 2, vc.Free(0), vc.Free(1)))
+    assert solution.value == pytest.approx(3.5 / 12, abs=1e-12)
+    assert solution.dy(0.2) == 0.0
+
+
+def test_the_rate_by_a_weight_is_that_of_the_closed_form() -> None:
+    ramp = vc.Problem(
+        lambda x, y, v, p: ca.fabs(v) + p.weight * (y - x) ** 2, vc.Free(0), vc.Free(1), parameters={"weight": 9.0}
+    )
+    assert vc.solve(ramp).sensitivities["weight"] == pytest.approx(2 / 3 / 27, rel=1e-10)
+
+
+@pytest.mark.parametrize("rest", [0.2, 0.004])
+def test_a_rest_begins_at_a_given_start_on_the_data(rest: float) -> None:
+    # the data go above their start, and come back there after the rest
+    problem = vc.Problem(
+        lambda x, y, v: ca.fabs(v) + 40 * (y - x * (rest - x)) ** 2, vc.Fixed(0, 0), vc.Fixed(1, rest - 1)
+    )
+    assert vc.solve(problem).value == pytest.approx(1 - rest + 40 * rest**5 / 30, abs=1e-12)
+
+
+def test_a_fit_by_absolute_values_of_a_ramp_is_at_rest_at_its_ends() -> None:
+    problem = vc.Problem(lambda x, y, v: ca.fabs(v) + 8 * ca.fabs(y - x), vc.Free(0), vc.Free(1))
+    assert vc.solve(problem).value == pytest.approx(1 - 2 / 8 + 1 / 8, abs=1e-12)
+
+
+@pytest.mark.parametrize("ends", [(vc.Periodic(0, 1), vc.Periodic(0, 1)), (vc.Fixed(0, 0), vc.Fixed(1, 0))])
+def test_a_fit_by_absolute_values_of_a_wave_is_cut_at_its_crests(ends: tuple[vc.End, vc.End]) -> None:
+    # what presses a rest is 12 all along, and takes the momentum from 1 to -1
+    problem = vc.Problem(lambda x, y, v: ca.fabs(v) + 12 * ca.fabs(y - ca.sin(2 * math.pi * x)), *ends)
+    a = mp.mpf(1) / 4 - mp.mpf(1) / 12
+    level = mp.sin(TURNING * a)
+    off = mp.quad(lambda x: mp.sin(TURNING * x) - level, [a, mp.mpf(1) / 2 - a])
+    assert vc.solve(problem).value == pytest.approx(float(4 * level + 24 * off), abs=1e-11)
+
+
+def test_between_two_kinks_the_slope_costs_nothing_and_each_holds_a_line() -> None:
+    weight = 400
+    problem = vc.Problem(
+        lambda x, y, v: ca.fabs(v - 1) + ca.fabs(v + 1) + weight * (y - 4 * x * (1 - x)) ** 2, vc.Free(0), vc.Free(1)
+    )
+    # lines of slope 1 lie from 0 to a, where the momentum comes to 2, and about x = 3/8, where it goes back to 0
+    a = mp.findroot(lambda a: weight * (mp.mpf(3) / 2 * a**2 - mp.mpf(8) / 3 * a**3) - 1, 0.04)
+    long = mp.cbrt(mp.mpf(3) / (2 * weight))
+    b, c = mp.mpf(3) / 8 - long / 2, mp.mpf(3) / 8 + long / 2
+    slopes = 2 * a + 2 * (4 * b * (1 - b) - 4 * a * (1 - a)) + 2 * long + 2 * (mp.mpf(1) / 2 - c)
+    off = mp.quad(lambda x: ((a - x) * (3 - 4 * a - 4 * x)) ** 2, [0, a]) + 16 * long**5 / 30
+    assert vc.solve(problem).value == pytest.approx(float(2 * (slopes + weight * off)), abs=1e-11)
+
+
+def test_a_weak_fit_is_on_the_line_of_one_of_two_kinks() -> None:
+    problem = vc.Problem(
+        lambda x, y, v: ca.fabs(v + 1) + ca.fabs(v - 1) + 0.5 * (y - 10 * x) ** 2, vc.Free(0), vc.Free(1)
+    )
+    # the momentum is at most 9 / 8, of the 2 that the kink takes
+    assert vc.solve(problem).value == pytest.approx(2 + 0.5 * 81 / 12, abs=1e-12)

@@ -87,7 +87,7 @@ def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Cr
         if slides and not (problem.start.fixed or problem.end.fixed):
             free = free and problem.start.periodic  # nothing but the rest of L holds it where it is
         if convex or (free and _stands(problem, along, momentum)):
-            return _answer(problem, method, along)
+            return answer_along(problem, method, along)
     return None
 
 
@@ -134,7 +134,7 @@ def resting(problem: Functional, method: Ritz) -> Solution | None:
         along = _constant(ordinate)
         momentum = _closing_momentum(problem, along)
         if momentum is not None and (convex or (momentum.free and _stands(problem, along, momentum))):
-            return _answer(problem, method, along, room)
+            return answer_along(problem, method, along, room=room)
     return None
 
 
@@ -377,14 +377,18 @@ def _stands(problem: Problem, along: Curve, momentum: HeldMomentum) -> bool:
     return bool((excess >= -NEARLY * np.abs(there)).all())
 
 
-def _answer(problem: Problem, method: Ritz, along: Curve, room: float = 0.0) -> Solution:
+def answer_along(
+    problem: Problem, method: Ritz, along: Curve, edges: Sequence[float] | np.ndarray = (), *, room: float = 0.0,
+    rates: dict[str, float] | None = None,
+) -> Solution:  # fmt: skip
     """The functional of a curve, with what two rules differ by and round-off of ordinates beside a kink makes.
 
-    Ordinates may be off by a ``room`` besides.
+    At ``edges`` the curve may be less smooth, and ordinates may be off by a ``room`` besides. The sensitivities are
+    those of L at the curve unless ``rates`` are given.
     """
-    values = []
+    values, mesh = [], np.union1d(_summed_on(problem), np.array(edges))
     for points, near in ((SUMMED_POINTS, 0.0), (SUMMED_POINTS + 4, 0.0), (SUMMED_POINTS + 4, 1.0)):
-        x, weights = composite_gauss(_summed_on(problem), points)
+        x, weights = composite_gauss(mesh, points)
         y = (1.0 + near * ORDINATE_ROUND_OFF) * along(x, 0) + near * room
         terms = problem.integrand_values(x, y, along(x, 1))
         cost = float(_cost_of_ends(problem, *(along(np.array([end]), 0)[0] for end in problem.span))[0])
@@ -393,8 +397,9 @@ def _answer(problem: Problem, method: Ritz, along: Curve, room: float = 0.0) -> 
     error = abs(value - coarse) + abs(value - moved) + FOLLOWED_TOLERANCE * size
     off = room + FOLLOWED_TOLERANCE * float(np.abs(along(x, 0)).max())
     return Solution(
-        problem, method, Status.SOLVED, value, ErrorEstimate(error, off), np.array(problem.span), along,
-        sensitivities=_sensitivities(problem, along, x, weights),
+        problem, method, Status.SOLVED, value, ErrorEstimate(error, off),
+        np.array(edges if len(edges) else problem.span), along,
+        sensitivities=_sensitivities(problem, along, x, weights) if rates is None else rates,
     )  # fmt: skip
 
 

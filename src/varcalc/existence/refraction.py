@@ -67,10 +67,10 @@ def refracted(
     """
     if not (isinstance(problem, Problem) and breakable(problem)):
         return None
-    from varcalc.existence.linear_between import least_by_lines  # few curves are of this kind
+    from varcalc.existence.total_variation import least_by_lines  # few curves are of this kind
 
     # whatever is begun from, that finds the least of all
-    least = least_by_lines(problem, method, tol)
+    least = least_by_lines(problem, method)
     if least is not None and (not least.status.ok or as_held(problem, least)):
         return least
     return _with_crossings(problem, method, tol, guess, marks)
