@@ -190,3 +190,28 @@ def test_a_weak_fit_is_on_the_line_of_one_of_two_kinks() -> None:
     )
     # the momentum is at most 9 / 8, of the 2 that the kink takes
     assert vc.solve(problem).value == pytest.approx(2 + 0.5 * 81 / 12, abs=1e-12)
+
+
+@pytest.mark.parametrize("raised", [0.3, -0.05])
+def test_a_level_of_a_fit_raises_all_of_it(raised: float) -> None:
+    problem = vc.Problem(
+        lambda x, y, v: ca.fabs(v) + 9 * (y - x) ** 2, vc.Free(0), vc.Free(1),
+        [vc.Isoperimetric(lambda x, y, v: y, 0.5 + raised)],
+    )  # fmt: skip
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(1 - 2 / 3 + 2 / 9 + 9 * raised**2, abs=1e-11)
+    assert solution.multipliers[0] == pytest.approx(18 * raised, abs=1e-9)
+
+
+def test_a_level_that_only_a_jump_keeps_is_refused_with_the_infimum() -> None:
+    # the ramp is raised at its start, by a jump, and rests at its end
+    raised, weight = 0.2, 5.0
+    level = 0.5 + raised - raised**2 / 2
+    problem = vc.Problem(
+        lambda x, y, v: ca.fabs(v) + weight * (y - x) ** 2, vc.Fixed(0, 0), vc.Fixed(1, 1),
+        [vc.Isoperimetric(lambda x, y, v: y, level)],
+    )  # fmt: skip
+    solution = vc.solve(problem, throw=False)
+    assert solution.verdict is vc.Verdict.NOT_ATTAINED
+    infimum = 1 + weight * ((1 - raised) * raised**2 + raised**3 / 3)
+    assert told_of(solution) == pytest.approx(infimum, rel=1e-2)

@@ -18,6 +18,7 @@ from varcalc.existence.linear_between import LinearBetweenKinks
 from varcalc.formulation import formulate
 from varcalc.formulation.height import height
 from varcalc.problem.breaks import breaks
+from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Verdict
 
 PATH_PIECES, PATH_LEVELS, DRAWN_CLOSER = 256, 513, 3
@@ -152,14 +153,8 @@ class LeastPath:
         rises = self.way.rises
         for piece in np.flatnonzero(np.abs(rises) > OFF_EQUATION).tolist():
             if self._at_given_end(piece) if piece in (0, len(rises) - 1) else self._across(piece):
-                sign = self.kinks.problem.sign
-                value = sign * (self.way.value - self._at_end_alone(piece))
-                sentence = (
-                    f"the {'infimum' if sign > 0 else 'supremum'} is not attained: graphs that are ever steeper near "
-                    f"x = {self.x[piece + (piece > 0)]:.6g}, where the best curve jumps by about "
-                    f"{rises[piece] * self.step:.3g}, come as near as one likes to about {value:.3g}"
-                )
-                return Finding(Verdict.NOT_ATTAINED, sentence, {"limit": value})
+                value = self.kinks.problem.sign * (self.way.value - self._at_end_alone(piece))
+                return jumps(self.kinks.problem, self.x[piece + (piece > 0)], rises[piece] * self.step, value)
         return None
 
     def _at_given_end(self, piece: int) -> bool:
@@ -301,6 +296,15 @@ class LeastPath:
         return bool(lower > 0.0 or upper < 0.0)
 
 
+def jumps(problem: Problem, x: float, height: float, value: float) -> Finding:
+    """That the best curve has a jump at x, and what functional curves come near to that have none."""
+    sentence = (
+        f"the {'infimum' if problem.sign > 0 else 'supremum'} is not attained: graphs that are ever steeper near "
+        f"x = {x:.6g}, where the best curve jumps by about {height:.3g}, come as near as one likes to about {value:.3g}"
+    )
+    return Finding(Verdict.NOT_ATTAINED, sentence, {"limit": value, "x": x, "height": height})
+
+
 def least_path(kinks: LinearBetweenKinks) -> LeastPath | None:
     """The least path over a lattice that is drawn close about it; None where it leads out of all of them."""
     form = formulate(kinks.problem)
@@ -382,8 +386,7 @@ class _OverLevels:
             chosen.append(before - int(self.climbed[begun, 2 * i]))
             moved.append([before, after])
             lines += [line, begun]
-        way = (np.array(v[::-1]) for v in (chosen, moved, lines))
-        return _LeastWay(*way, value)
+        return _LeastWay(*(np.array(v[::-1]) for v in (chosen, moved, lines)), value)
 
     def _half(self, values: np.ndarray, node: int, half: int) -> tuple[np.ndarray, np.ndarray]:
         """The least that there is to each level after half a step on lines, and the number of the line."""

@@ -18,13 +18,14 @@ import numpy as np
 from varcalc.existence.held_throughout import answer_along
 from varcalc.existence.least_paths import Chain, LeastPath, drawn_finely, least_path
 from varcalc.existence.linear_between import LinearBetweenKinks, linear_between_kinks
+from varcalc.existence.on_level import least_on_level, level_let_go, level_of
 from varcalc.existence.placed_lines import BEYOND_KINK, PLACES_OF_CHANGE, SHORTEST_LINE, OnLines, settled
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.problem import Problem
-from varcalc.solution import Solution, Status, no_answer, refused
+from varcalc.solution import Finding, Solution, Status, no_answer, refused
 from varcalc.symbolic.evaluation import PointEvaluator
 
 MET_TO = 1e-9
@@ -38,17 +39,29 @@ PIECES_SUMMED, POINTS_SUMMED = 8, 12
 
 
 def least_by_lines(problem: Problem, method: Ritz) -> Solution | None:
-    """The least curve where L is linear in the slope but for kinks; None for others, and where none is shown to be."""
+    """The least curve where L is linear in the slope but for kinks; None for others, and where none is shown to be.
+
+    It may have to keep one level.
+    """
+    if not problem.constraints:
+        found = _least(problem, method)
+    elif level_of(problem) is None or linear_between_kinks(level_let_go(problem, 0.0)) is None:
+        return None
+    else:
+        found = least_on_level(problem, lambda free: _least(free, method))
+    return refused(no_answer(problem, method, Status.REFUSED, ""), found) if isinstance(found, Finding) else found
+
+
+def _least(problem: Problem, method: Ritz) -> Solution | Finding | None:
+    """The same without a level, or that the best curve jumps."""
     kinks = linear_between_kinks(problem)
     # of several kinks the path is known near one that others led to, and not the least of all
     if kinks is None or (len(kinks.slopes) > 1 and not proved_jointly_convex(problem)):
         return None
     with np.errstate(all="ignore"):
         path = least_path(kinks)
-        if path is None:
-            return None
-        if (jump := path.jump()) is not None:
-            return refused(no_answer(problem, method, Status.REFUSED, ""), jump)
+        if path is None or (jump := path.jump()) is not None:
+            return None if path is None else jump
         finely = drawn_finely(path)
         return None if finely is None else _near(kinks, finely, method)
 
@@ -56,7 +69,7 @@ def least_by_lines(problem: Problem, method: Ritz) -> Solution | None:
 def _near(kinks: LinearBetweenKinks, path: LeastPath, method: Ritz) -> Solution | None:
     """The minimum near a path, with its value; None where there is no extremal that keeps to lines as the path does."""
     places, seen = OnLines(kinks, path), path.chains()
-    chains = list[Chain]()
+    chains, curve = list[Chain](), None
     for _ in range(ROUNDS_OF_LINES):
         together = settled(places, [*chains, *seen])
         if together is None:
@@ -66,7 +79,7 @@ def _near(kinks: LinearBetweenKinks, path: LeastPath, method: Ritz) -> Solution 
         seen = list(curve.passed_by())
         if not seen:
             break
-    if not (curve.joined and curve.moves_rightly and all(map(places.holds, chains))):
+    if curve is None or not (curve.joined and curve.moves_rightly and all(map(places.holds, chains))):
         return None
     edges = np.unique([*curve.edges, *curve.marks])
     own = resampled(curve, edges, 2)
