@@ -137,3 +137,21 @@ def test_friction_holds_no_closed_curve_that_is_lower_further_down() -> None:
     # at rest at y it is y / 2, without a bound, however much friction there is
     problem = vc.Problem(lambda x, y, v: (1 + y**2) * ca.fabs(v) + x * y, vc.Periodic(0, 1), vc.Periodic(0, 1))
     assert not vc.solve(problem, throw=False).status.ok
+
+
+def test_friction_alone_holds_a_closed_curve_on_its_level() -> None:
+    level = vc.Isoperimetric(lambda x, y, v: y, 0.2)
+    solution = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + 2 * ca.fabs(v), *ROUND, [level]))
+    assert solution.value == pytest.approx(0.0, abs=1e-12)
+    assert solution.y(np.array([0.0, 0.7])) == pytest.approx(0.2, abs=1e-11)
+
+
+def test_friction_holds_a_closed_curve_between_two_wells_on_its_level() -> None:
+    # what pulls at it, 4 y (y^2 - 1), is the multiplier
+    level = vc.Isoperimetric(lambda x, y, v: y, 0.2)
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + (3 + ca.cos(2 * np.pi * x)) * ca.fabs(v) + (y**2 - 1) ** 2, *ROUND, [level]
+    )
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(0.96**2, abs=1e-12)
+    assert solution.multipliers[0] == pytest.approx(-0.8 * 0.96, abs=1e-9)

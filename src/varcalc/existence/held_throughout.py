@@ -9,6 +9,7 @@ is seen by following all momenta at once: an interval that must not become empty
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import casadi as ca
@@ -56,6 +57,8 @@ RESTS_TRIED = np.unique(
 """Ordinates at which closed curves may rest, in units of the interval: no round number lies half way between two."""
 EVENLY = 1e-9
 """Relative difference of steps that are equally long."""
+LEVELS_APART = 8
+"""Of how many of them one is looked at for a level, which is a root."""
 NOT_PRESSED = np.zeros((2, 2))
 """Of a curve that no bound holds."""
 FOLLOWED_TOLERANCE, ORDINATE_ROUND_OFF = 1e-13, 1e-15
@@ -122,19 +125,65 @@ def resting(problem: Functional, method: Ritz) -> Solution | None:
     It is closed, or free at both ends. The ordinate is one at which resting costs least: what pulls at the curve then
     adds up to nothing on the way, and its momentum comes to what it is to be.
     """
-    if not (isinstance(problem, Problem) and problem.n == problem.order == 1 and not problem.constraints):
+    if not (isinstance(problem, Problem) and problem.n == problem.order == 1):
         return None
     ends = problem.start, problem.end
     moves = problem.start.periodic or not (any(end.fixed for end in ends) or any(problem.slides))
     held = moves and any(_at_rest(problem, switch) for switch in on_curve(problem))
     if problem.unknowns or kinks_at_ends(problem) or not held:
         return None
-    convex = proved_jointly_convex(problem)
-    for ordinate, room in _cheapest_rests(problem)[:MOST_RESTS]:
-        along = _constant(ordinate)
-        momentum = _closing_momentum(problem, along)
-        if momentum is not None and (convex or (momentum.free and _stands(problem, along, momentum))):
-            return answer_along(problem, method, along, room=room)
+    if problem.constraints:
+        return _resting_on_level(problem, method) if problem.end_cost is None else None
+    rests = _cheapest_rests(problem)[:MOST_RESTS]
+    return next(filter(None, (_at_one_ordinate(problem, method, *rest) for rest in rests)), None)
+
+
+def _at_one_ordinate(problem: Problem, method: Ritz, ordinate: float, room: float) -> Solution | None:
+    """The curve at rest at an ordinate that is known but for a ``room``; None where it is not shown to stand."""
+    along = _constant(ordinate)
+    momentum = _closing_momentum(problem, along)
+    if momentum is None:
+        return None
+    stands = proved_jointly_convex(problem) or (momentum.free and _stands(problem, along, momentum))
+    return answer_along(problem, method, along, room=room) if stands else None
+
+
+def _resting_on_level(problem: Problem, method: Ritz) -> Solution | None:
+    """The least of the curves at rest that keep one level; None where it is not shown to stand.
+
+    The multiplier lets what pulls at the curve add up to nothing on the way round.
+    """
+    from scipy.optimize import brentq  # few solves come here
+
+    from varcalc.existence.on_level import level_let_go, level_of
+
+    level = level_of(problem)
+    if level is None:
+        return None
+    x, weights = composite_gauss(_summed_on(problem), SUMMED_POINTS)
+    s, places = problem.symbols, np.full((1, len(x)), 0.0)
+    stated = [problem.integrand, problem.traced[0].expression]
+    rates = [ca.gradient(expression, s.y) for expression in stated]
+    function = ca.Function("resting", s.all, [ca.densify(ca.vertcat(*stated, *rates))])
+    numbers = in_columns(len(x), problem.parameter_values, problem.unknown_guesses)
+
+    def summed(y: float) -> np.ndarray:
+        return np.asarray(function(x[None], places + y, places, places[:0], *numbers)) @ weights
+
+    tried = (problem.span[1] - problem.span[0]) * RESTS_TRIED
+    off = np.array([summed(y)[1] - level for y in tried[::LEVELS_APART]])
+    at = np.flatnonzero(np.sign(off[1:]) * np.sign(off[:-1]) <= 0)
+    ordinates = [
+        float(brentq(lambda y: summed(y)[1] - level, *tried[::LEVELS_APART][k : k + 2], xtol=BRENT_TOLERANCE))
+        for k in at.tolist()
+    ]
+    for y in sorted(ordinates, key=lambda y: problem.sign * summed(y)[0])[:MOST_RESTS]:
+        _, _, pull, rate = summed(y)
+        multiplier = float(pull / rate)
+        known = _at_one_ordinate(level_let_go(problem, multiplier), method, y, 0.0) if rate else None
+        if known is not None:
+            value = known.value + multiplier * level
+            return replace(known, problem=problem, value=value, multipliers=(multiplier,))
     return None
 
 

@@ -386,7 +386,7 @@ class _OverLevels:
             chosen.append(before - int(self.climbed[begun, 2 * i]))
             moved.append([before, after])
             lines += [line, begun]
-        return _LeastWay(*(np.array(v[::-1]) for v in (chosen, moved, lines)), value)
+        return _LeastWay(np.array(chosen[::-1]), np.array(moved[::-1]), np.array(lines[::-1]), value)
 
     def _half(self, values: np.ndarray, node: int, half: int) -> tuple[np.ndarray, np.ndarray]:
         """The least that there is to each level after half a step on lines, and the number of the line."""

@@ -60,8 +60,10 @@ def _least(problem: Problem, method: Ritz) -> Solution | Finding | None:
         return None
     with np.errstate(all="ignore"):
         path = least_path(kinks)
-        if path is None or (jump := path.jump()) is not None:
-            return None if path is None else jump
+        if path is None:
+            return None
+        if (jump := path.jump()) is not None:
+            return jump
         finely = drawn_finely(path)
         return None if finely is None else _near(kinks, finely, method)
 
