@@ -202,16 +202,14 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
     looked = _looked(extremal, function, VARYING, everywhere=False)
     marks, edges = (np.zeros(0), s) if looked is None else looked[:2]
     inner = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(WITHIN_BOX) / WITHIN_BOX)
-    asked = np.append(inner.ravel(), edges[-1])
-    sizes: np.ndarray | None = None
+    asked, sizes = np.append(inner.ravel(), edges[-1]), np.ones((len(held), 1))
     for nearer in range(1 + NEARER):
         points = _points(extremal, asked)
         values = np.asarray(function(*_arguments(extremal, points)))
-        sizes = np.maximum(1.0, np.ptp(values, axis=1)) if sizes is None else sizes
-        beyond = np.array(
-            [np.maximum(b.interval[0] - row, row - b.interval[1]) for row, b in zip(values, held, strict=True)]
-        )
-        over = (beyond / sizes[:, None]).max(0)
+        if nearer == 0:
+            sizes = np.maximum(1.0, np.ptp(values, axis=1))[:, None]
+        levels = np.array([bound.interval for bound in held])
+        over = (np.maximum(levels[:, :1] - values, values - levels[:, 1:]) / sizes).max(0)
         broken = np.flatnonzero(over > BROKEN)
         if len(broken):
             boxes = np.clip(np.searchsorted(edges, asked[broken], side="right") - 1, 0, len(edges) - 2)
@@ -220,7 +218,7 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
             return Unseen(inside, float(points[0, int(np.argmax(over))]), beyond=True)
         # where a curve comes next to a bound it may go beyond that between two points
         near = 1 + np.flatnonzero((over[1:-1] >= over[:-2]) & (over[1:-1] >= over[2:]) & (over[1:-1] > -NEXT_TO_BOUND))
-        if nearer == NEARER or not len(near):
+        if not len(near):
             return None
         low, high = asked[near - 1], asked[near + 1]
         asked = np.unique(low[:, None] + (high - low)[:, None] * (np.arange(1 + WITHIN_BOX) / WITHIN_BOX))
