@@ -226,3 +226,21 @@ def test_friction_holds_what_is_free_at_an_end(lagrangian, start, end, cost, val
         value = float(((y**2 - 1) ** 2 - np.sin(3 * y) ** 3).min())
     solution = vc.solve(vc.Problem(lagrangian, start, end, end_cost=cost))
     assert abs(solution.value - value) < 1e-9
+
+
+@pytest.mark.parametrize(
+    "bound",
+    [vc.Bound(lambda x, y, v: y, upper=0.5), vc.Bound(lambda x, y, v: v, lower=-1, upper=1.4)],
+)
+def test_a_curve_at_rest_keeps_bounds_that_it_would_without_them(bound):
+    solution = vc.solve(vc.Problem(at_rest, vc.Fixed(0, 0.3), vc.Free(2), [bound]))
+    assert abs(solution.value) < 1e-12
+    assert solution.multipliers[0](np.array([1.0])) == 0.0
+
+
+def test_a_closed_curve_on_a_kink_keeps_a_bound_of_its_slope():
+    def lagrangian(x, y, v):
+        return (4 + ca.tanh(ca.fabs(y - 0.2) + (y**2 - 0.04) ** 2)) * ca.sqrt(1 + v**2)
+
+    limit = vc.Bound(lambda x, y, v: v + 0.7 * y, upper=1.9)
+    assert abs(vc.solve(vc.Problem(lagrangian, vc.Periodic(0, 2), vc.Periodic(0, 2), [limit])).value - 8) < 1e-9

@@ -42,6 +42,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.problem.reading import names, text
 from varcalc.solution import Solution, Status, Verdict, no_answer
+from varcalc.verify.between import keeps_bounds
 
 FOLLOWED = (4.0, 40.0, 400.0)
 """What is as small as so many widths is followed rather than crossed, where that leads to a curve that stands."""
@@ -241,7 +242,19 @@ def _clear_of_bounds(problem: Problem, method: Ritz, tol: float, guess: Sampled 
     if free is None or free.curve is None or not free.status.ok:
         return None
     met = breaking(problem, met_by(replace(free, problem=problem), FOLLOWED_TO))
-    return settled(problem, method, tol, free.curve, met) if met else None
+    solution = settled(problem, method, tol, free.curve, met) if met else None
+    return _under_bounds(problem, free) if solution is None else solution
+
+
+def _under_bounds(problem: Problem, free: Solution) -> Solution | None:
+    """The minimum without bounds as the one with them; None where it does not keep them."""
+    given = iter(free.multipliers)
+    multipliers = tuple(
+        np.zeros_like if isinstance(c, Bound) and c.interval[0] < c.interval[1] else next(given)
+        for c in problem.constraints
+    )
+    solution = replace(free, problem=problem, multipliers=multipliers, extremal=None)
+    return solution if keeps_bounds(solution) else None
 
 
 def _none_stands(problem: Problem, method: Ritz, met: list[Crossing]) -> Solution:

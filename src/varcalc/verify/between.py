@@ -119,6 +119,23 @@ def unseen_where_broken(solution: Solution) -> Unseen | None:
 
     Of each a mesh needs the edges and the middle, to be refined there.
     """
+    finely = _finely(solution)
+    missed = None if finely is None else _in_integrals(finely, VARYING, everywhere=False) or _beyond_bounds(finely)
+    if finely is None or missed is None:
+        return None
+    marks, room = np.unique(missed.marks), FEATURES_APART * (finely.form.span[1] - finely.form.span[0])
+    features = np.split(marks, 1 + np.flatnonzero(np.diff(marks) > room))
+    return replace(missed, marks=np.unique([(f[0], 0.5 * (f[0] + f[-1]), f[-1]) for f in features]))
+
+
+def keeps_bounds(solution: Solution) -> bool:
+    """Whether the curve of a graph of first order is shown to keep its bounds, those it was found without as well."""
+    finely = _finely(solution)
+    return finely is not None and _beyond_bounds(finely) is None
+
+
+def _finely(solution: Solution) -> Extremal | None:
+    """The curve of an answer, a graph of first order, with as many boxes as a method has points; None for others."""
     problem = solution.problem
     form = formulate(problem)
     plain = isinstance(problem, Problem) and problem.order == 1 and not form.stated.is_lifted
@@ -128,14 +145,7 @@ def unseen_where_broken(solution: Solution) -> Unseen | None:
     # a method looks at as many points of an element as its degree
     parts = max(1, -(-solution.stats.degree // LEAST_BOXES))
     inner = known.vertices[:-1, None] + np.diff(known.vertices)[:, None] * (np.arange(parts) / parts)
-    finer = np.append(inner.ravel(), known.vertices[-1])
-    finely = replace(known, vertices=finer)
-    missed = _in_integrals(finely, VARYING, everywhere=False) or _beyond_bounds(finely)
-    if missed is None:
-        return None
-    marks, room = np.unique(missed.marks), FEATURES_APART * (form.span[1] - form.span[0])
-    features = np.split(marks, 1 + np.flatnonzero(np.diff(marks) > room))
-    return replace(missed, marks=np.unique([(f[0], 0.5 * (f[0] + f[-1]), f[-1]) for f in features]))
+    return replace(known, vertices=np.append(inner.ravel(), known.vertices[-1]))
 
 
 def of_powers_alone(solution: Solution) -> bool:

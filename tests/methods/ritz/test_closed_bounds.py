@@ -46,3 +46,11 @@ def test_ipopt_and_newton_come_to_one_closed_curve():
 def test_a_closed_curve_that_may_lie_anywhere_is_told_so_under_bounds_too():
     problem = vc.Problem(lambda x, y, v: v**2, *CLOSED, [vc.Bound(lambda x, y, v: y, upper=0.005)])
     assert vc.solve(problem, throw=False).verdict is vc.Verdict.DEGENERATE
+
+
+def test_a_minimum_of_zero_under_a_bound_is_as_good_as_what_it_is_summed_of():
+    ceiling = vc.Bound(lambda x, y, v: y + 0.3 * ca.fmax(0, 1 - ca.fabs(x - 0.6) / 0.1), upper=0.15)
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + ((y / 3) ** 2 - 0.5) ** 2, *CLOSED, [ceiling])
+    solution = vc.solve(problem)
+    assert 0 <= solution.value < 1e-12
+    assert abs(solution.y(0.4) + 3 / math.sqrt(2)) < 1e-5

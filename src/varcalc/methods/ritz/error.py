@@ -270,7 +270,8 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     if rungs.inequalities and not rungs.form.coordinates.corners and scale > 0:
         # where a bound begins to hold the curve is off by d: of order d^3 in the value, and of d^2 in the curve
         largest = float(np.abs(at.variables[:, : system.n]).max())
-        curve = max(curve, largest * min(error / scale, 1.0) ** (2 / 3))
+        size = max(scale, unit * system.quadratic_size(at))  # a minimum of zero has no size of its own
+        curve = max(curve, largest * min(error / size, 1.0) ** (2 / 3))
     found = replace(found, value=value, error=error, scale=scale, curve=curve)
     # where a condition gives the curve, the rule may still miss what L does along it
     by_rule = missed(found.integrand.reshape(system.space.elements, -1)) * 0.5 * system.space.widths
