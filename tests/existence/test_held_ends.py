@@ -132,3 +132,27 @@ def test_a_kink_that_a_bound_keeps_the_end_from_is_no_end():
         end_cost=lambda x0, y0, x1, y1: 3 * ca.fabs(y1 - 0.5),
     )  # fmt: skip
     assert abs(vc.solve(problem).value - (0.3**2 / 2 + 0.6)) < 1e-9
+
+
+def rubbed(x, y, v):
+    return v**2 / 2 + ca.fabs(v)
+
+
+@pytest.mark.parametrize(
+    ("lagrangian", "bound", "value"),
+    [
+        # straight down to the bound, along it or not
+        (rubbed, vc.Bound(lambda x, y, v: y + 0.1 * x, upper=0.35), 0.15**2 / 4 + 0.15),
+        (rubbed, vc.Bound(lambda x, y, v: y + 0.1 * x, upper=0.3), 0.2**2 / 4 + 0.2),
+        (rubbed, vc.Bound(lambda x, y, v: -2 * y, lower=-1), 0.0),
+        # a load of 0.3 brings it down by 0.15 in a time of 1, with y'' = 0.3 up to rest; it rests from there
+        (
+            lambda x, y, v: rubbed(x, y, v) + 0.3 * y,
+            vc.Bound(lambda x, y, v: y + 0.1 * x, upper=0.35),
+            0.09 / 6 + 0.15 + 0.3 * (0.15 * 2 + 0.05),
+        ),
+    ],
+)
+def test_a_bound_holds_a_free_end_of_what_friction_does_not(lagrangian, bound, value):
+    solution = vc.solve(vc.Problem(lagrangian, vc.Fixed(0, 0.3), vc.Free(2), [bound]))
+    assert abs(solution.value - value) < 1e-9

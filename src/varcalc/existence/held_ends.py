@@ -1,4 +1,4 @@
-"""Curves whose free end a kink of its cost holds, or leaves to one side: what |y(b) - c| costs may keep the end at c.
+"""Curves whose free end a kink of its cost holds, or leaves to one side, or a bound: |y(b) - c| may keep the end at c.
 
 With the end given there the rest is a problem of its own. The end stays where it costs more on either side: where the
 momentum is between the rates of the cost on both (the transversality condition as an inclusion; Clarke, "Optimization
@@ -17,7 +17,7 @@ from varcalc.formulation import formulate
 from varcalc.formulation.height import height
 from varcalc.problem.breaks import kinks_at_ends
 from varcalc.problem.conditions import Bound, Fixed
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import Functional, Traced
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.switches import held
@@ -40,9 +40,7 @@ def held_at_an_end(problem: Functional, solved: Callable[[Problem], Solution]) -
 
     One function of first order is looked at, with its abscissae given.
     """
-    if not isinstance(problem, Problem) or problem.n > 1 or problem.order > 1 or problem.end_cost_expression is None:
-        return None
-    if any(problem.slides) or problem.start.periodic:
+    if not (isinstance(problem, Problem) and _may_be_given(problem)) or problem.end_cost_expression is None:
         return None
     ordinates = problem.end_cost_expression[0][1::2]
     found: list[Solution] = []
@@ -50,9 +48,53 @@ def held_at_an_end(problem: Functional, solved: Callable[[Problem], Solution]) -
         moving = [k for k, y in enumerate(ordinates) if switch.depends_on(y)]
         if len(moving) != 1 or (problem.start, problem.end)[moving[0]].fixed:
             continue
-        for place, unit in _places(problem, switch.argument, ordinates[moving[0]], moving[0]):
+        for place, unit in _places(problem, _to_switch(problem, switch.argument, moving[0]), moving[0]):
             found += _at_kink(problem, moving[0], place, ASIDE * unit, solved)
     return min(found, key=lambda s: problem.sign * s.value, default=None)
+
+
+def held_by_a_bound(problem: Functional, solved: Callable[[Problem], Solution]) -> Solution | None:
+    """The least curve of which a bound of the place holds a free end that would go beyond it; None for none.
+
+    The problems without that bound, and with that end given, are to be ``solved``.
+    """
+    if not (isinstance(problem, Problem) and _may_be_given(problem)):
+        return None
+    free = [end for end, given in enumerate((problem.start, problem.end)) if not given.fixed]
+    if not free or not (bounds := list(_of_place(problem))):
+        return None
+    kept = [c for c in problem.constraints if not any(c is traced.constraint for traced in bounds)]
+    bare = solved(problem.restated(constraints=kept))
+    if not bare.status.ok or bare.curve is None:
+        return None
+    for end in free:
+        reached = float(bare.curve(np.array([problem.span[end]]), 0)[0, 0])
+        if _admitted(problem, end, reached):
+            continue
+        for traced, level in ((t, level) for t in bounds for level in t.constraint.interval if np.isfinite(level)):
+            for place, unit in _places(problem, _to_bound(problem, traced, level, end), end):
+                sides = [place + way * ASIDE * unit for way in (-1.0, 1.0)]
+                inside = [y for y in sides if _admitted(problem, end, y)]
+                if len(inside) != 1:  # another bound is in the way
+                    continue
+                resting = solved(_pinned(problem, end, place))
+                if resting.status.ok and _worse(solved(_pinned(problem, end, inside[0])), resting):
+                    return replace(resting, problem=problem, extremal=None)
+    return None
+
+
+def _may_be_given(problem: Problem) -> bool:
+    """Whether the ends of one function of first order are free at given abscissae, or given."""
+    return problem.n == problem.order == 1 and not any(problem.slides) and not problem.start.periodic
+
+
+def _of_place(problem: Problem) -> Iterator[Traced]:
+    """The bounds on the curve itself."""
+    for traced in problem.traced:
+        bound = traced.constraint
+        moving = [ca.depends_on(traced.expression, v) for v in (problem.symbols.y, problem.symbols.dy)]
+        if isinstance(bound, Bound) and bound.interval[0] < bound.interval[1] and moving == [True, False]:
+            yield traced
 
 
 def _at_kink(
@@ -108,20 +150,35 @@ def _worse(other: Solution, held: Solution) -> bool:
     return other.status.ok and more > other.error.value + held.error.value
 
 
-def _places(problem: Problem, argument: Expression, ordinate: Expression, end: int) -> Iterator[tuple[float, float]]:
-    """Ordinates of an end at which a switch of its cost is zero, and a unit of them."""
+def _to_switch(problem: Problem, argument: Expression, end: int) -> Callable[[float], float]:
+    """Newton's step, from an ordinate of one end, to where an argument of the cost of both is zero."""
     assert problem.end_cost_expression is not None
     ends, s = problem.end_cost_expression[0], problem.symbols
-    point = _at_ends(problem, end, 0.0)
-    step = ca.Function("step", [*ends, s.parameters, s.unknowns], [argument / ca.gradient(argument, ordinate)])
+    step = ca.Function("step", [*ends, s.parameters, s.unknowns], [argument / ca.gradient(argument, ends[1 + 2 * end])])
+
+    def from_ordinate(y: float) -> float:
+        return float(step(*_at_ends(problem, end, y), problem.parameter_values, problem.unknown_guesses))
+
+    return from_ordinate
+
+
+def _to_bound(problem: Problem, traced: Traced, level: float, end: int) -> Callable[[float], float]:
+    """The same to where what a bound is of is at a ``level``."""
+    s = problem.symbols
+    off = (traced.expression - level) / ca.gradient(traced.expression, s.y)
+    step = ca.Function("step", [s.x, s.y, s.parameters, s.unknowns], [off])
+    return lambda y: float(step(problem.span[end], y, problem.parameter_values, problem.unknown_guesses))
+
+
+def _places(problem: Problem, step: Callable[[float], float], end: int) -> Iterator[tuple[float, float]]:
+    """Ordinates of an end to which Newton's ``step`` leads, and a unit of them."""
     first = float(formulate(problem).start.curve(np.array([problem.span[end]]))[0, 0])
     unit = max(height(formulate(problem)), abs(first))
     known: list[float] = []
     for start in PLACES_TRIED:
         y, change = first + start * unit, np.inf
         for _ in range(NEWTON_STEPS_TO_SWITCH):
-            point[1 + 2 * end] = y
-            change = float(step(*point, problem.parameter_values, problem.unknown_guesses))
+            change = step(y)
             if not np.isfinite(change) or abs(change) <= ON_SWITCH * max(unit, abs(y)):
                 break
             y -= change

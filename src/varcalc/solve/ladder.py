@@ -132,6 +132,11 @@ def _found(problem: Functional, method: Method | None, tol: float, guess: Guess,
         from varcalc.existence.held_ends import held_at_an_end  # few problems have kinks there
 
         solution = held_at_an_end(problem, lambda pinned: _found(pinned, method, tol, None, told))
+    switching = guess is None and breakable(problem) and isinstance(method or LADDER[0], Ritz)
+    if solution is None and switching and any(problem.of_type(Bound)):
+        from varcalc.existence.held_ends import held_by_a_bound  # few problems switch under bounds
+
+        solution = held_by_a_bound(problem, lambda given: _found(given, method, tol, None, told))
     if solution is None and guess is None and breakable(problem):
         solution = _with_corners(problem, method or LADDER[0], tol)
         if solution is None and method is None:

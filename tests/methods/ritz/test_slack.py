@@ -59,3 +59,15 @@ def test_a_wavy_floor_of_valleys_beside_a_bound_that_is_never_met_is_found_quick
         told.append(np.abs(v).max() * np.sqrt(2e-10 * abs(found.value)))
         assert np.ptp(energies[-1]) < told[-1]  # energy is conserved off the bound
     assert energies[0] == pytest.approx(energies[1], abs=sum(told))
+
+
+@pytest.mark.parametrize(
+    "bounds",
+    [[], [vc.Bound(lambda x, y, v: y, lower=-0.5, upper=0.6)], [vc.Bound(lambda x, y, v: v, upper=0.6)]],
+    ids=["none", "place", "slope"],
+)
+def test_a_curve_that_begins_at_a_minimum_of_zero_is_at_its_end(bounds):
+    problem = vc.Problem(lambda x, y, v: v**2 / 2, vc.Fixed(0, 0.3), vc.Free(2), bounds)
+    solution = vc.solve(problem)
+    assert 0 <= solution.value < 1e-28
+    assert solution.stats.iterations < 20

@@ -366,10 +366,15 @@ class RitzSystem:
     def quadratic_size(self, at: Evaluation) -> float:
         """The sum of the squares of y, its slopes and the unknown numbers, each times its own second derivative of L.
 
-        A functional may be zero by cancellation of terms of this size, each with its round-off.
+        A functional may be zero by cancellation of terms of this size, each with its round-off. So may a slope, which is
+        summed of ordinates over the interval.
         """
-        diagonal = np.abs(at.hessians[:, 0].diagonal(0, 1, 2))
-        return float(self.weights @ (diagonal * at.variables**2).sum(1))
+        diagonal, sizes = np.abs(at.hessians[:, 0].diagonal(0, 1, 2)), np.abs(at.variables)
+        n, largest = self.n, sizes[:, : self.n].max(0)
+        for k in range(1, 1 + self.order):
+            least = largest / (self.form.span[1] - self.form.span[0]) ** k
+            sizes[:, k * n : (k + 1) * n] = np.maximum(sizes[:, k * n : (k + 1) * n], least)
+        return float(self.weights @ (diagonal * sizes**2).sum(1))
 
     def reported(self, at: Evaluation, moved: np.ndarray | None = None) -> Reported:
         """What is reported at the quadrature points of a curve, or of one whose variables are ``moved`` from there."""
