@@ -17,7 +17,7 @@ from varcalc.formulation import formulate
 from varcalc.formulation.height import height
 from varcalc.problem.breaks import kinks_at_ends
 from varcalc.problem.conditions import Bound, Fixed
-from varcalc.problem.functional import Functional, Traced
+from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.switches import held
@@ -63,7 +63,7 @@ def held_by_a_bound(problem: Functional, solved: Callable[[Problem], Solution]) 
     free = [end for end, given in enumerate((problem.start, problem.end)) if not given.fixed]
     if not free or not (bounds := list(_of_place(problem))):
         return None
-    kept = [c for c in problem.constraints if not any(c is traced.constraint for traced in bounds)]
+    kept = [c for c in problem.constraints if not any(c is bound for _, bound in bounds)]
     bare = solved(problem.restated(constraints=kept))
     if not bare.status.ok or bare.curve is None:
         return None
@@ -71,8 +71,8 @@ def held_by_a_bound(problem: Functional, solved: Callable[[Problem], Solution]) 
         reached = float(bare.curve(np.array([problem.span[end]]), 0)[0, 0])
         if _admitted(problem, end, reached):
             continue
-        for traced, level in ((t, level) for t in bounds for level in t.constraint.interval if np.isfinite(level)):
-            for place, unit in _places(problem, _to_bound(problem, traced, level, end), end):
+        for of, level in ((of, level) for of, bound in bounds for level in bound.interval if np.isfinite(level)):
+            for place, unit in _places(problem, _to_bound(problem, of, level, end), end):
                 sides = [place + way * ASIDE * unit for way in (-1.0, 1.0)]
                 inside = [y for y in sides if _admitted(problem, end, y)]
                 if len(inside) != 1:  # another bound is in the way
@@ -88,13 +88,13 @@ def _may_be_given(problem: Problem) -> bool:
     return problem.n == problem.order == 1 and not any(problem.slides) and not problem.start.periodic
 
 
-def _of_place(problem: Problem) -> Iterator[Traced]:
-    """The bounds on the curve itself."""
+def _of_place(problem: Problem) -> Iterator[tuple[Expression, Bound]]:
+    """The bounds on the curve itself, and what they are of."""
     for traced in problem.traced:
         bound = traced.constraint
         moving = [ca.depends_on(traced.expression, v) for v in (problem.symbols.y, problem.symbols.dy)]
         if isinstance(bound, Bound) and bound.interval[0] < bound.interval[1] and moving == [True, False]:
-            yield traced
+            yield traced.expression, bound
 
 
 def _at_kink(
@@ -162,10 +162,10 @@ def _to_switch(problem: Problem, argument: Expression, end: int) -> Callable[[fl
     return from_ordinate
 
 
-def _to_bound(problem: Problem, traced: Traced, level: float, end: int) -> Callable[[float], float]:
-    """The same to where what a bound is of is at a ``level``."""
+def _to_bound(problem: Problem, of: Expression, level: float, end: int) -> Callable[[float], float]:
+    """The same to where what a bound is ``of`` is at a ``level``."""
     s = problem.symbols
-    off = (traced.expression - level) / ca.gradient(traced.expression, s.y)
+    off = (of - level) / ca.gradient(of, s.y)
     step = ca.Function("step", [s.x, s.y, s.parameters, s.unknowns], [off])
     return lambda y: float(step(problem.span[end], y, problem.parameter_values, problem.unknown_guesses))
 

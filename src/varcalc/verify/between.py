@@ -226,8 +226,9 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
             at = np.union1d(edges[boxes], edges[boxes + 1])
             inside = np.union1d(marks, at[(at > s[0]) & (at < s[-1])])
             return Unseen(inside, float(points[0, int(np.argmax(over))]), beyond=True)
-        # where a curve comes next to a bound it may go beyond that between two points
-        near = 1 + np.flatnonzero((over[1:-1] >= over[:-2]) & (over[1:-1] >= over[2:]) & (over[1:-1] > -NEXT_TO_BOUND))
+        # where a curve comes next to a bound it may go beyond that between two points, but not where it stays at it
+        rises = over[1:-1, None] - np.column_stack([over[:-2], over[2:]])
+        near = 1 + np.flatnonzero((rises >= 0.0).all(1) & (rises > BROKEN).any(1) & (over[1:-1] > -NEXT_TO_BOUND))
         if not len(near):
             return None
         low, high = asked[near - 1], asked[near + 1]

@@ -366,8 +366,8 @@ class RitzSystem:
     def quadratic_size(self, at: Evaluation) -> float:
         """The sum of the squares of y, its slopes and the unknown numbers, each times its own second derivative of L.
 
-        A functional may be zero by cancellation of terms of this size, each with its round-off. So may a slope, which is
-        summed of ordinates over the interval.
+        A functional may be zero by cancellation of terms of this size, each with its round-off. So may a slope, which
+        is summed of ordinates over the interval.
         """
         diagonal, sizes = np.abs(at.hessians[:, 0].diagonal(0, 1, 2)), np.abs(at.variables)
         n, largest = self.n, sizes[:, : self.n].max(0)
