@@ -13,6 +13,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from varcalc.existence.rounded import rounded
 from varcalc.formulation import formulate
 from varcalc.formulation.height import height
 from varcalc.problem.breaks import kinks_at_ends
@@ -56,7 +57,7 @@ def held_at_an_end(problem: Functional, solved: Callable[[Problem], Solution]) -
 def held_by_a_bound(problem: Functional, solved: Callable[[Problem], Solution]) -> Solution | None:
     """The least curve of which a bound of the place holds a free end that would go beyond it; None for none.
 
-    The problems without that bound, and with that end given, are to be ``solved``.
+    It is seen on a rough curve without that bound. The problems with that end given are to be ``solved``.
     """
     if not (isinstance(problem, Problem) and _may_be_given(problem)):
         return None
@@ -64,11 +65,11 @@ def held_by_a_bound(problem: Functional, solved: Callable[[Problem], Solution]) 
     if not free or not (bounds := list(_of_place(problem))):
         return None
     kept = [c for c in problem.constraints if not any(c is bound for _, bound in bounds)]
-    bare = solved(problem.restated(constraints=kept))
-    if not bare.status.ok or bare.curve is None:
+    about = rounded(problem.restated(constraints=kept), None)
+    if about is None or not about.stands:
         return None
     for end in free:
-        reached = float(bare.curve(np.array([problem.span[end]]), 0)[0, 0])
+        reached = float(about.curve(np.array([problem.span[end]]), 0)[0, 0])
         if _admitted(problem, end, reached):
             continue
         for of, level in ((of, level) for of, bound in bounds for level in bound.interval if np.isfinite(level)):
