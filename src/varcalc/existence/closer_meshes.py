@@ -33,11 +33,11 @@ def on_closer_meshes(problem: Functional, solved: Callable[[Functional], Solutio
             return replace(solution, status=Status.NOT_CONVERGED, message=message)
         solution = replace(again, problem=problem)
         missed = unseen_where_broken(solution)
-    if first is None or solution is None or missed is not None:
-        sentence = "" if missed is None else missed.sentence
-        return None if solution is None else replace(solution, status=Status.NOT_CONVERGED, message=sentence)
+    if solution is not None and missed is not None:
+        return replace(solution, status=Status.NOT_CONVERGED, message=missed.sentence)
     # where it was right the first mesh has more digits
-    return first if not beyond and agree(first, solution) else solution
+    kept = first is not None and solution is not None and not beyond and agree(first, solution)
+    return first if kept else solution
 
 
 def agree(first: Solution, second: Solution) -> bool:

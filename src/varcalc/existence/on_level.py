@@ -111,6 +111,7 @@ def _jumping(
     """
 
     def less(multiplier: float) -> float:
+        """What the dual comes to at a multiplier, the other way round; infinite where it is not known."""
         known = least(level_let_go(problem, multiplier))
         if known is None:
             return math.inf

@@ -321,6 +321,7 @@ def settled(places: OnLines, guesses: Sequence[Chain]) -> list[Chain] | None:
     left, known = sorted(guesses, key=lambda c: c.corners[0]), dict[Chain, list[Chain]]()
 
     def solved(guess: Chain) -> list[Chain]:
+        """The chains that a guess leads to, if they hold and follow each other; none where they do not."""
         if guess not in known:
             parts = list(_solved(places, guess))
             stand = all(map(places.holds, parts)) and all(_in_order(a, b) for a, b in pairwise(parts))

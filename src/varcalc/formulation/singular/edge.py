@@ -200,6 +200,7 @@ def _edges(problem: Problem) -> list[_Edge]:
     sides = np.tile([1.0, -1.0], 4)
 
     def inside(slopes: np.ndarray) -> np.ndarray:
+        """Whether L is a number next to the ends along lines of ``slopes`` (8, m)."""
         y = corner[:, 1:] + steps[:, None] * slopes
         x = np.broadcast_to((corner[:, 0] + steps)[:, None], y.shape)
         values = problem.integrand_values(x.ravel(), y.reshape(1, -1), slopes.reshape(1, -1))
@@ -253,7 +254,10 @@ def _along(edge: _Edge) -> Form:
         return (-behind(np.ravel(from_end) ** b) / from_end**q)[None]
 
     def pull(curve: Sampled) -> Sampled:
+        """The unknown z of a curve in x."""
+
         def pulled(at: np.ndarray) -> np.ndarray:
+            """z at t (m,)."""
             from_end = distance(at)
             run = inward * from_end**b
             return (curve(edge.corner[0] + run) - edge.corner[1] - edge.s * run) / (inward * from_end**q)

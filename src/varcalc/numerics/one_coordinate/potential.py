@@ -181,6 +181,7 @@ class Potential(ABC):
         """
 
         def above(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """g - C at x (m,), and its slope; negative where g stays at C."""
             at = self(base, x)
             left = at.above(C, squared)
             return np.where((left == 0) & (at.slope == 0), -squared, left), at.slope  # g may stay there from the first
