@@ -488,3 +488,12 @@ def test_a_valley_beside_a_bound_that_meets_no_kink_is_begun_from_its_polygon():
     known = sum(b * lagrangian(a, *fallen(a), np.exp, max) for a, b in zip(x, w, strict=True))
     solution = vc.solve(problem)
     assert known - 1e-2 < solution.value < known
+
+
+@pytest.mark.parametrize("method", [vc.Collocation(), vc.Shooting()])
+def test_a_method_of_smooth_equations_that_fails_names_what_switches(method):
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + 5 * ca.fabs(y - 0.3), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    refused = vc.solve(problem, method, throw=False)
+    assert not refused.status.ok
+    assert "a kink (fabs) where y - 3/10 = 0" in refused.message
+    assert "try Ritz" in refused.message

@@ -181,3 +181,9 @@ def test_derivatives_of_a_curve_that_is_broken_often_do_not_take_every_piece_for
         return float(function.n_instructions() / function.numel_out(0))
 
     assert instructions_each(32) < 1.5 * instructions_each(8)
+
+
+def test_vertices_within_round_off_of_others_or_of_an_end_are_left_out():
+    form = formulate(vc.Problem(lambda x, y, v: v**2, vc.Fixed(-50, 0), vc.Fixed(50, 1)))
+    near = np.nextafter(12.0, 13.0)
+    assert form.on_mesh([12.0, near, np.nextafter(50.0, 0.0), -50.0, 20.0]).conditions.knots == (12.0, 20.0)

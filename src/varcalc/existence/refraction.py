@@ -29,6 +29,7 @@ from varcalc.methods.crossings import (
     Crossing,
     arguments_along,
     crossings,
+    described,
     met_by,
     on_curve,
     sentence,
@@ -43,6 +44,9 @@ from varcalc.problem.problem import Problem
 from varcalc.problem.reading import names, text
 from varcalc.solution import Solution, Status, Verdict, no_answer
 from varcalc.verify.between import keeps_bounds
+
+MEETS = "where the equations of a smooth problem do not hold"
+"""What is wrong with a curve that meets a switch of which its mesh knows nothing."""
 
 FOLLOWED = (4.0, 40.0, 400.0)
 """What is as small as so many widths is followed rather than crossed, where that leads to a curve that stands."""
@@ -341,6 +345,17 @@ def _points_up(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
     return bool(left + right - 2 * here < 0.0)
 
 
+def with_what_switches(failure: Solution) -> Solution:
+    """The failure of a method that solves smooth equations, which names what is not smooth in the problem."""
+    problem = failure.problem
+    switch = next((s for s in on_curve(problem) if not s.smooth), None)
+    if switch is None or isinstance(failure.method, Ritz) or failure.verdict is not None or MEETS in failure.message:
+        return failure
+    name = type(failure.method).__name__
+    message = f"the problem has {described(problem, switch)}, which {name} does not treat: try Ritz ({failure.message})"
+    return replace(failure, message=message)
+
+
 def smooth_or_refused(solution: Solution) -> Solution:
     """The solution, refused where its curve meets a switch that its mesh does not know of.
 
@@ -367,5 +382,5 @@ def smooth_or_refused(solution: Solution) -> Solution:
     missed = [c for c in missed if not c.switch.smooth]
     if not missed:
         return solution
-    message = f"{sentence(problem, missed[0])}, where the equations of a smooth problem do not hold"
+    message = f"{sentence(problem, missed[0])}, {MEETS}"
     return replace(solution, status=Status.NOT_CONVERGED, message=message)

@@ -24,6 +24,10 @@ Waypoints = tuple[tuple[float, tuple[float, ...]], ...]
 """Abscissae, and the values demanded there."""
 
 
+NEAREST_KNOTS = 64.0 * np.finfo(float).eps
+"""Distance, in units of the abscissae, within which two vertices are one: elements between them hold round-off only."""
+
+
 @dataclass(frozen=True)
 class SideCondition:
     """``lower <= expression <= upper``, integrated (isoperimetric) or at every point (pathwise)."""
@@ -230,10 +234,15 @@ class Form:
         return self.problem.sign
 
     def on_mesh(self, vertices: Sequence[float]) -> Form:
-        """The form with more ``vertices`` that every mesh has."""
-        if not len(vertices):
+        """The form with more ``vertices`` that every mesh has, but for those within round-off of others or of an end."""
+        known = [*self.span, *self.conditions.knots]
+        apart = NEAREST_KNOTS * max(map(abs, self.span))
+        for vertex in vertices:
+            if min(abs(vertex - other) for other in known) > apart:
+                known.append(vertex)
+        knots = tuple(sorted(known[2:]))
+        if knots == self.conditions.knots:
             return self
-        knots = tuple(sorted({*self.conditions.knots, *vertices}))
         return replace(self, conditions=replace(self.conditions, knots=knots), cache=Cache())
 
     @property

@@ -253,11 +253,12 @@ def unmet(problem: Functional, found: list[Crossing], knots: np.ndarray) -> list
 
 def sentence(problem: Functional, crossing: Crossing) -> str:
     """What was seen, in the user's words."""
-    what = "jump" if crossing.switch.jumps else "kink"
-    where = text(crossing.switch.argument, names(problem))
-    level = "a whole number" if crossing.switch.stepped else "0"
     until = "" if crossing.until is None else f", and follows it to {crossing.until:.6g}"
-    return (
-        f"the problem has a {what} ({crossing.switch.word}) where {where} = {level}, "
-        f"and the curve meets it at x = {crossing.x:.6g}{until}"
-    )
+    return f"the problem has {described(problem, crossing.switch)}, and the curve meets it at x = {crossing.x:.6g}{until}"
+
+
+def described(problem: Functional, switch: Switch) -> str:
+    """What switches, and where, in the user's words."""
+    what = "a jump" if switch.jumps else "a kink"
+    level = "a whole number" if switch.stepped else "0"
+    return f"{what} ({switch.word}) where {text(switch.argument, names(problem))} = {level}"

@@ -20,7 +20,7 @@ from varcalc.existence.feasibility import explained
 from varcalc.existence.global_look import FINE, IN_NARROW, has_lattice, looked_around
 from varcalc.existence.held_throughout import resting
 from varcalc.existence.polygons import Polygon
-from varcalc.existence.refraction import meets_switches, refracted, smooth_or_refused
+from varcalc.existence.refraction import meets_switches, refracted, smooth_or_refused, with_what_switches
 from varcalc.existence.upright import beyond_graphs, not_attained, upright
 from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
@@ -176,7 +176,7 @@ def _examined(
         told("why there is no answer")
         solution = _nothing_between(_made_out(second_look(problem, tol, solution, smooth=smooth)))
     elif method is not None and smooth:  # what is broken, or rests, was held to what it meets
-        solution = _made_out(solution)
+        solution = with_what_switches(_made_out(solution))
     if not solution.status.ok:
         return beyond_graphs(solution)
     told("other valleys")
