@@ -67,7 +67,7 @@ def verified(problem):
     [
         ("solve, a plain problem", lambda: solved(film()), 39),
         ("solve, a singular end", lambda: solved(descent()), 37),
-        ("verify", lambda: verified(film()), 38),
+        ("verify", lambda: verified(film()), 42),
         ("rays", rays, 49),
     ],
 )

@@ -6,6 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from mpmath import besselj
 
 import varcalc as vc
 
@@ -233,3 +234,31 @@ def test_newtons_body_keeps_its_flat_nose():
     check = vc.verify(vc.solve(drag))
     assert check.verdict is vc.Verdict.MINIMUM
     assert check.legendre > 0
+
+
+def test_a_bang_bang_arc_of_a_convex_problem_is_a_minimum():
+    steep = [vc.Bound(lambda x, y, dy: dy, lower=-1, upper=1)]
+    check = vc.verify(vc.solve(vc.Problem(lambda x, y, dy: -y, vc.Fixed(0, 0), vc.Fixed(1, 0), steep)))
+    assert check.verdict is vc.Verdict.MINIMUM
+    assert "proved convex" in sentences(check)
+    assert "0 (by convexity)" in str(check)
+
+
+@pytest.mark.parametrize("power", [2, 3, 6])
+def test_where_a_power_of_y_is_a_factor_of_the_slope(power):
+    # with u = y^(1 + power / 2) it is the integral of u'^2, up to a factor: u = x
+    solution = vc.solve(vc.Problem(lambda x, y, dy: y**power * dy**2, vc.Fixed(0, 0), vc.Fixed(1, 1)))
+    assert solution.value == pytest.approx(1 / (1 + power / 2) ** 2, abs=1e-12)
+    assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
+
+
+def test_where_l_does_not_feel_the_slope_at_an_end_alone_the_hessian_decides():
+    # a drum up to radius 2, before the first zero of Bessel's function: DLMF 10.2
+    drum = vc.Problem(lambda r, y, dy: r * (dy**2 - y**2), vc.Free(0), vc.Fixed(2, 1))
+    solution = vc.solve(drum)
+    assert solution.value == pytest.approx(float(-2 * besselj(1, 2) / besselj(0, 2)), abs=1e-9)
+    check = vc.verify(solution)
+    assert check.verdict is vc.Verdict.MINIMUM
+    assert "an end, where the Hessian must decide" in sentences(check)
+    beyond = vc.solve(vc.Problem(lambda r, y, dy: r * (dy**2 - y**2), vc.Free(0), vc.Fixed(3, 1)), throw=False)
+    assert not beyond.status.ok

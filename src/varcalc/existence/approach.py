@@ -21,6 +21,7 @@ from varcalc.methods.answer import Extremal
 from varcalc.methods.ritz.method import Rung, Rungs
 from varcalc.methods.ritz.newton import Newton
 from varcalc.methods.ritz.slack import within_bounds, without_inequalities
+from varcalc.numerics.mesh import SpaceCurve
 from varcalc.problem.conditions import Bound, Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -40,6 +41,12 @@ SINGULAR_POWERS = (2, 3, 4, 5, 6)
 SMOOTH_DEGREE = 10
 VALUES_RESOLVED = 1e-9
 """Difference, relative to what is summed, below which two values are one."""
+BESIDE_END = (1e-3, 1e-4)
+"""Shares of t, from a singular end, at which it is seen how L grows along a curve toward it."""
+SMALL_TAIL = 1e-3
+"""Share of a value that is nothing beside it."""
+SURELY_SUMMABLE = 0.98
+"""Power of the distance from an end whose inverse is summed up to it: with room for what measures a power of 1."""
 CLEAR_SHARE = 0.5
 """Share of the polygons' limit below which a singular curve has to come."""
 
@@ -152,7 +159,8 @@ def _slopes(rung: Rung) -> tuple[np.ndarray, np.ndarray]:
 class Gap:
     """A curve with an infinite slope at one end: its value, and the power k of x - x_end ~ t^k.
 
-    ``scale`` is the sum of the absolute contributions to the value, ``curve`` the ordinates as a function of x.
+    ``scale`` is the sum of the absolute contributions to the value, ``curve`` the ordinates as a function of x. Where L
+    has no integral up to the end along it, ``tail`` is what each e-fold of t adds there, which no sum of samples shows.
     """
 
     value: float
@@ -160,9 +168,12 @@ class Gap:
     power: int
     at_start: bool
     curve: Sampled = field(repr=False)
+    tail: float = 0.0
 
     def clear_of(self, value: float, sign: float) -> bool:
         """Whether a value is clearly worse than this one."""
+        if self.tail > SMALL_TAIL * abs(value):
+            return False
         return sign * (value - self.value) > CLEAR_SHARE * abs(value) + VALUES_RESOLVED * self.scale
 
     def finding(self, limit: float) -> Finding:
@@ -258,7 +269,19 @@ def _steep(problem: Problem, power: int, at_start: bool, *, least: bool) -> Gap 
         share = np.clip((x - a if at_start else b - x) / (b - a), 0.0, 1.0) ** (1 / power)
         return along(share if at_start else 1 - share, 0)
 
-    return Gap(form.sign * at.value, at.scale, power, at_start, curve)
+    tail = _tail(problem, along, power, at_start)
+    return Gap(form.sign * at.value, at.scale, power, at_start, curve, tail)
+
+
+def _tail(problem: Problem, along: SpaceCurve, power: int, at_start: bool) -> float:
+    """What each e-fold of s adds to the integral of L along a curve of s next to an end; 0 where that is ever less."""
+    (a, b), near = problem.span, np.array(BESIDE_END)
+    s, inward = (near, b - a) if at_start else (1 - near, a - b)
+    speed = (b - a) * power * near ** (power - 1)
+    x = (a if at_start else b) + inward * near**power
+    with np.errstate(all="ignore"):
+        far, close = np.abs(problem.integrand_values(x, along(s, 0), along(s, 1) / speed) * speed)
+        return float(close * near[1]) if close >= far * (near[0] / near[1]) ** SURELY_SUMMABLE else 0.0
 
 
 def _stretched(problem: Problem, power: int, at_start: bool) -> Form:

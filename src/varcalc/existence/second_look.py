@@ -12,8 +12,8 @@ from varcalc.existence.broken_curve import broken_curve
 from varcalc.existence.corners import bent, with_corners
 from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
-from varcalc.formulation.singular.abscissa import powers_at_ends
 from varcalc.formulation.singular.detection import GROWN, PROBE
+from varcalc.formulation.singular.indicial import powers_at_ends
 from varcalc.problem.breaks import kinked_table, kinks_at_ends
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional

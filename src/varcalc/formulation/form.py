@@ -234,7 +234,7 @@ class Form:
         return self.problem.sign
 
     def on_mesh(self, vertices: Sequence[float]) -> Form:
-        """The form with more ``vertices`` that every mesh has, but for those within round-off of others or of an end."""
+        """The form with more ``vertices`` that every mesh has, but those within round-off of others or of an end."""
         known = [*self.span, *self.conditions.knots]
         apart = NEAREST_KNOTS * max(map(abs, self.span))
         for vertex in vertices:

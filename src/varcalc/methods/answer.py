@@ -25,7 +25,7 @@ from varcalc.symbolic.evaluation import in_columns
 
 TURNED_BACK = 30.0
 """Factor by which a backward speed must exceed the relative error of all speeds to be believed."""
-APPROACH = (2e-2, 2e-3)
+APPROACH = (2e-3, 2e-4)
 """Relative distances from a singular end between which the growth of the slope is judged."""
 ASTRAY, ASTRAY_SHARE = 2e-2, 30.0
 """Relative error of the curve, and the same by the square root of the tolerance, with which no value counts."""
@@ -385,7 +385,8 @@ def _slope_at_ends(extremal: Extremal, s: np.ndarray, slope: np.ndarray) -> np.n
         inward = (b - a) * (1.0 if end == a else -1.0)
         _, _, dx, dy = lifted(extremal, end + inward * np.array(APPROACH))
         far, near = (dy / dx).T
-        grown = np.where(np.abs(near) > 2 * np.abs(far), np.sign(near) * np.inf, near)
+        limit = near + (near - far) * APPROACH[1] / (APPROACH[0] - APPROACH[1])  # it is smooth in s
+        grown = np.where(np.abs(near) > 2 * np.abs(far), np.sign(near) * np.inf, limit)
         slope[:, at] = np.where(np.abs(near) < np.abs(far) / 2, 0.0, grown)[:, None]
     return slope
 

@@ -254,7 +254,9 @@ def unmet(problem: Functional, found: list[Crossing], knots: np.ndarray) -> list
 def sentence(problem: Functional, crossing: Crossing) -> str:
     """What was seen, in the user's words."""
     until = "" if crossing.until is None else f", and follows it to {crossing.until:.6g}"
-    return f"the problem has {described(problem, crossing.switch)}, and the curve meets it at x = {crossing.x:.6g}{until}"
+    return (
+        f"the problem has {described(problem, crossing.switch)}, and the curve meets it at x = {crossing.x:.6g}{until}"
+    )
 
 
 def described(problem: Functional, switch: Switch) -> str:

@@ -24,13 +24,14 @@ from varcalc.existence.refraction import meets_switches, refracted, smooth_or_re
 from varcalc.existence.upright import beyond_graphs, not_attained, upright
 from varcalc.formulation import Form, Sampled, formulate
 from varcalc.formulation.singular import Forms, Infinite, forms
+from varcalc.formulation.singular.detection import singular_ends
 from varcalc.methods.answer import in_coordinates_of
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.resampled import polynomials
 from varcalc.problem.breaks import breakable, kinks_at_ends, on_curve, switches_of
 from varcalc.problem.conditions import Bound, truth
-from varcalc.problem.convexity import proved_jointly_convex
+from varcalc.problem.convexity import proved_jointly_convex, proved_quadratic
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.progress import Interrupted, Progress, telling
@@ -48,6 +49,7 @@ from varcalc.solve.warm_start import resolved
 from varcalc.spelling import spelled
 from varcalc.symbolic.derived import answered
 from varcalc.verify.between import Unseen, as_stated, balanced, of_powers_alone, unseen
+from varcalc.verify.singular_ends import oscillation, without_bound
 from varcalc.verify.slopes import vouched
 
 FINER_DEGREE = 8
@@ -127,7 +129,7 @@ def solve(
 
 def _found(problem: Functional, method: Method | None, tol: float, guess: Guess, told: Told) -> Solution:
     """The answer of a method or of the ladder, examined; a status that says why where there is none."""
-    solution = _linear(problem, method or LADDER[0])
+    solution = _hopeless(problem, method or LADDER[0])
     if solution is None and kinks_at_ends(problem):
         from varcalc.existence.held_ends import held_at_an_end  # few problems have kinks there
 
@@ -250,6 +252,14 @@ def _reduces(method: Method) -> bool:
     from varcalc.methods.first_integral.method import FirstIntegral
 
     return isinstance(method, FirstIntegral)
+
+
+def _hopeless(problem: Functional, method: Method) -> Solution | None:
+    """A refusal where L alone shows that nothing fixes a curve, or that nothing bounds the functional."""
+    if (linear := _linear(problem, method)) is not None:
+        return linear
+    found = without_bound(problem) if proved_quadratic(problem) and any(singular_ends(problem)) else None
+    return None if found is None else refused(no_answer(problem, method, Status.REFUSED, ""), found)
 
 
 def _linear(problem: Functional, method: Method) -> Solution | None:
@@ -603,8 +613,18 @@ def _refused_for(missed: Unseen | None, solution: Solution) -> Solution:
 
 
 def _beyond_doubt(solution: Solution, form: Form, candidates: Forms) -> Solution:
-    """The solution, refused when L is singular at an end and a curve that is steeper there is far better."""
-    if form.coordinates.energetic or not candidates.singular or (better := outdone(solution)) is None:
+    """The solution, refused when L is singular at an end and a curve that is steeper there is far better.
+
+    Or when variations oscillate next to that end.
+    """
+    if not solution.status.ok or form.coordinates.energetic:
+        return solution
+    # coordinates made for a singular end are there because the powers of the distance are real
+    if not any(form.coordinates.singular) and any(singular_ends(solution.problem)):
+        found = oscillation(solution)
+        if found is not None:
+            return refused(solution, found)
+    if not candidates.singular or (better := outdone(solution)) is None:
         return solution
     return refused(solution, better.finding(solution.value))
 

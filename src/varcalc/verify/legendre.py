@@ -20,18 +20,23 @@ from varcalc.solution import Finding, Verdict
 from varcalc.verify.along_curve import TOUCHED_AT, AlongCurve, complement, inner_points, touched
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
+from varcalc.verify.convexity import Convexity
+from varcalc.verify.singular_ends import singular_ends_along
 
 CURVATURE_POINTS = 16
 """Gauss points an element."""
 ZERO_CURVATURE = 1e-13
 """Size of a second derivative that is zero, in units of H / (1 + slope^2)."""
+CLEAR_OF_ZERO = 1e-3
+"""Share of its size, by the power with which it vanishes at an end, that the second derivative keeps inside."""
 
 
 @dataclass(frozen=True)
 class Legendre:
     """The ``least`` eigenvalue and where; whether the condition ``holds`` at all, and strictly (``strengthened``).
 
-    ``vanishes`` tells that there is no second derivative in the slope anywhere.
+    ``vanishes`` tells that there is no second derivative in the slope anywhere, ``at_end`` that it is an end alone
+    at which there is none.
     """
 
     least: float
@@ -39,6 +44,7 @@ class Legendre:
     holds: bool
     strengthened: bool
     vanishes: bool
+    at_end: bool = False
 
     @property
     def leaves_open(self) -> bool:
@@ -76,10 +82,13 @@ class LegendreCondition(Check[Legendre]):
             )
             yield Finding(Verdict.SADDLE, sentence, numbers)
         elif not measured.strengthened:
-            sentence = (
-                f"Legendre's condition holds only weakly: {name} vanishes at {at:.6g}, and more than it must decide"
-            )
-            yield Finding(Verdict.DEGENERATE, sentence, numbers)
+            what = f"Legendre's condition holds only weakly: {name} vanishes at {at:.6g}"
+            if candidate.measured(Convexity()):
+                yield Finding(None, f"{what}, where convexity decides", numbers)
+            elif measured.at_end:
+                yield Finding(None, f"{what}, an end, where the Hessian must decide", numbers)
+            else:
+                yield Finding(Verdict.DEGENERATE, f"{what}, and more than it must decide", numbers)
         else:
             sentence = f"Legendre's condition holds: {name} is nowhere nearer to zero than {abs(least):.6g}"
             yield Finding(None, sentence, numbers)
@@ -107,8 +116,17 @@ def legendre(along: AlongCurve) -> Legendre:
     slopes = np.abs(along.evaluate(s, along.order)).max(0)
     noise = ZERO_CURVATURE * np.maximum(np.where(np.isfinite(values), np.abs(values), 0.0) / (1 + slopes**2), largest)
     k = int(np.argmin(least))
-    holds, strict = bool((least >= -noise).all()), bool((least > noise).all())
-    return Legendre(float(least[k]), float(s[k]), holds, strict, bool((largest <= noise).all()))
+    holds, strict = bool((least >= -noise).all()), least > noise
+    at_end = not strict.all() and _at_ends_alone(along, s, least)
+    return Legendre(float(least[k]), float(s[k]), holds, bool(strict.all()), bool((largest <= noise).all()), at_end)
+
+
+def _at_ends_alone(along: AlongCurve, s: np.ndarray, least: np.ndarray) -> bool:
+    """Whether the second derivative is as large inside as the powers with which it vanishes at ends leave it."""
+    ends = [end for end in singular_ends_along(along) if end.power > 0]
+    inside = (s > along.span[0]) & (s < along.span[1])
+    left = np.prod([(np.abs(s - end.place) / along.length) ** end.power for end in ends], axis=0)
+    return bool(ends) and bool((least[inside] > CLEAR_OF_ZERO * (left * least.max())[inside]).all())
 
 
 def _held(along: AlongCurve, s: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ from varcalc.verify.concavity import SYMMETRIC, concavity
 from varcalc.verify.ends import EndPlane, NotSeparate, end_planes
 from varcalc.verify.jacobi import Canonical, CarriedPlane, Unresolved, balanced, canonical
 from varcalc.verify.legendre import LegendreCondition
+from varcalc.verify.singular_ends import singular_ends_along
 from varcalc.verify.verification import NULL, Index, signs
 
 SINGULAR_FIELDS = 1e-9
@@ -51,6 +52,9 @@ class JacobiEquation(Check[JacobiIndex]):
             return _closed(candidate.reason)
         if not candidate.measured(LegendreCondition()).strengthened:
             return _closed("Jacobi's equation is singular where Legendre's condition does not hold strictly")
+        if ends := [end for end in singular_ends_along(along) if end.euler or abs(end.power) >= 1]:
+            place = along.abscissa(np.array([ends[0].place]))
+            return _closed(f"Jacobi's equation is singular at {candidate.problem.abscissa.at(place, 6)}")
         found = index_by_jacobi(along)
         return replace(found, points=along.abscissa(found.points)) if len(found.points) else found
 

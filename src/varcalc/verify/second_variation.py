@@ -9,14 +9,16 @@ from dataclasses import dataclass
 from varcalc.solution import Finding, Verdict
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
+from varcalc.verify.convexity import Convexity
 from varcalc.verify.legendre import LegendreCondition
 from varcalc.verify.morse import JacobiEquation
 from varcalc.verify.ritz_hessian import RitzHessian
+from varcalc.verify.singular_ends import SingularEnds
 
 
 @dataclass(frozen=True)
 class MorseIndex:
-    """The ``index``: infinite when Legendre's condition fails, NaN where no route tells.
+    """The ``index``: infinite when Legendre's condition fails or variations oscillate, NaN where no route tells.
 
     ``nullity`` counts the directions in which the second variation vanishes, by the first route that tells.
     """
@@ -35,8 +37,11 @@ class SecondVariation(Check[MorseIndex]):
         """The index by the first route that tells."""
         jacobi, ritz = candidate.measured(JacobiEquation()), candidate.measured(RitzHessian())
         nullity = jacobi.nullity if jacobi.index is not None else ritz.nullity
-        if not candidate.measured(LegendreCondition()).holds:
+        oscillates = any(end.oscillates for end in candidate.measured(SingularEnds()))
+        if oscillates or not candidate.measured(LegendreCondition()).holds:
             return MorseIndex(math.inf, nullity)
+        if candidate.measured(Convexity()):
+            return MorseIndex(0, nullity)
         found = [route.index for route in (jacobi, ritz) if route.index is not None]
         return MorseIndex(found[0] if found else math.nan, nullity)
 
@@ -44,6 +49,10 @@ class SecondVariation(Check[MorseIndex]):
         """A saddle, a conjugate end, or that the routes tell nothing or disagree."""
         measured = candidate.measured(self)
         if not candidate.measured(LegendreCondition()).leaves_open:
+            return
+        if candidate.measured(Convexity()):
+            if measured.nullity:
+                yield _vanishing(measured.nullity, False)
             return
         jacobi, ritz, index = candidate.measured(JacobiEquation()), candidate.measured(RitzHessian()), measured.index
         if jacobi.index is not None and ritz.index is not None and jacobi.index != ritz.index:
@@ -55,6 +64,8 @@ class SecondVariation(Check[MorseIndex]):
         if measured.nullity:
             beyond = len(jacobi.points) > 0 and not jacobi.reason
             yield _vanishing(measured.nullity, beyond)
+        if math.isinf(index):
+            return  # told by what makes it so
         if index > 0:
             better = "raise" if candidate.problem.maximise else "lower"
             count = "one variation" if index == 1 else f"{index:.0f} independent variations"

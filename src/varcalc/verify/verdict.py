@@ -12,6 +12,7 @@ from varcalc.extensions import offered
 from varcalc.solution import Finding, Solution, Verdict
 from varcalc.verify.candidate import candidate
 from varcalc.verify.check import CHECKS_GROUP, Check
+from varcalc.verify.convexity import Convexity
 from varcalc.verify.corners import Corners
 from varcalc.verify.held_by_kinks import HeldByKinks
 from varcalc.verify.invariants import FirstIntegrals
@@ -20,13 +21,14 @@ from varcalc.verify.morse import JacobiEquation
 from varcalc.verify.residual import EulerLagrange
 from varcalc.verify.ritz_hessian import RitzHessian
 from varcalc.verify.second_variation import SecondVariation
+from varcalc.verify.singular_ends import SingularEnds
 from varcalc.verify.value import Value
 from varcalc.verify.verification import Verification, first_held
 from varcalc.verify.weierstrass import WeierstrassCondition
 
 CHECKS = (
-    EulerLagrange(), FirstIntegrals(), Corners(), HeldByKinks(), LegendreCondition(), JacobiEquation(), RitzHessian(),
-    SecondVariation(), WeierstrassCondition(), Value(),
+    EulerLagrange(), FirstIntegrals(), Corners(), HeldByKinks(), Convexity(), SingularEnds(), LegendreCondition(),
+    JacobiEquation(), RitzHessian(), SecondVariation(), WeierstrassCondition(), Value(),
 )  # fmt: skip
 """The checks of this package, in the order of their findings. A new one is added here, and nowhere else."""
 
@@ -39,7 +41,7 @@ def verified(solution: Solution) -> Verification:
     findings = [finding for check in asked for finding in check.findings(curve)]
     verdict = first_held(findings)
     if verdict is None:
-        verdict, sentence = _extreme(solution)
+        verdict, sentence = _extreme(solution, curve.measured(Convexity()))
         findings.append(Finding(verdict, sentence))
     jacobi, ritz = curve.measured(JacobiEquation()), curve.measured(RitzHessian())
     return Verification(
@@ -67,9 +69,11 @@ def _offered(_path: tuple[str, ...]) -> tuple[Check[Any], ...]:
     return offered(CHECKS_GROUP, Check)
 
 
-def _extreme(solution: Solution) -> tuple[Verdict, str]:
+def _extreme(solution: Solution, convex: bool) -> tuple[Verdict, str]:
     """What an extremal is to which no check objects."""
     best, kind = (Verdict.MAXIMUM, "maximum") if solution.problem.maximise else (Verdict.MINIMUM, "minimum")
+    if convex and not solution.local:
+        return best, f"a {kind} among all curves"
     if not solution.local:
         return best, f"a {kind} among all curves near it, of whatever slope: no nearby curve does better"
     better = solution.lower

@@ -69,7 +69,8 @@ class Verification(Shown):
 
     ``verdict``: the first in the order of :class:`varcalc.Verdict` of all that hold.
     ``index``: the number of independent variations that lower the functional
-    to second order; infinite when Legendre's condition fails, NaN where no route tells.
+    to second order; infinite when Legendre's condition fails or variations oscillate at a singular end, NaN where no
+    route tells.
     ``conjugate_points``: abscissae (t for a Curve) conjugate to the start, or
     focal to what it slides on, the start excluded, each as often as it counts; shape (k,).
     ``residual``: of the Euler-Lagrange equation, in du Bois-Reymond's integrated
@@ -150,8 +151,8 @@ class Verification(Shown):
     def _index(self) -> str:
         if not math.isfinite(self.index):
             return "infinite" if math.isinf(self.index) else "unknown"
-        found = {name: index for name, index in self.routes.items() if index is not None}
-        return f"{self.index:.0f} (" + ", ".join(f"{name} {index}" for name, index in found.items()) + ")"
+        found = ", ".join(f"{name} {index}" for name, index in self.routes.items() if index is not None)
+        return f"{self.index:.0f} ({found or 'by convexity'})"
 
 
 def first_held(findings: Iterable[Finding]) -> Verdict | None:

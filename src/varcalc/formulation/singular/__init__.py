@@ -16,10 +16,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Elsewhere, Form, formulate
-from varcalc.formulation.singular.abscissa import abscissa_form, regular
+from varcalc.formulation.singular.abscissa import abscissa_form
 from varcalc.formulation.singular.alike import alike, ends_at, energetic_at
 from varcalc.formulation.singular.departure import departure
 from varcalc.formulation.singular.detection import (
@@ -36,6 +37,7 @@ from varcalc.formulation.singular.detection import (
 from varcalc.formulation.singular.edge import edge_form
 from varcalc.formulation.singular.energy import Energy, energy_forms
 from varcalc.formulation.singular.graph import applies, factored_graph
+from varcalc.formulation.singular.indicial import momenta_beside_ends, regular, unfelt
 from varcalc.formulation.singular.inside import inside_form
 from varcalc.formulation.singular.powers import power_form
 from varcalc.formulation.singular.units import in_unit, restated
@@ -168,7 +170,7 @@ def _makers(problem: Functional) -> Makers:
     metric = homogeneous(problem) if seen is None else seen.metric
     if metric is None:
         if not (isinstance(problem, Problem) and both_fixed):
-            return [direct]
+            return _with_more(problem) if any(singular) else [direct]
         return _of_no_metric(problem, singular)
     blowups = _blowups(problem, singular, beyond)
     others = energy_forms(problem, metric, singular, blowups) if blowups or not curve else []
@@ -223,8 +225,10 @@ def _blowups(problem: Functional, singular: tuple[bool, bool], beyond: tuple[boo
 def _of_no_metric(problem: Problem, singular: tuple[bool, bool]) -> Makers:
     """Forms for a Lagrangian that is no metric: powers of the abscissa, of both coordinates, or beside an edge."""
     direct, in_x = partial(_direct, problem), partial(abscissa_form, problem)
-    if not any(singular) and regular(problem):
-        return [direct, in_x]
+    momenta = momenta_beside_ends(problem)
+    if not any(singular) and regular(momenta):
+        bare = (False, False) if ca.depends_on(problem.integrand, problem.symbols.x) else unfelt(momenta)
+        return [partial(power_form, problem, bare), direct] if bare[0] != bare[1] else [direct]
     powers = [partial(power_form, problem, singular)] if singular[0] != singular[1] else []
     return [in_x, partial(edge_form, problem), *powers, direct]
 

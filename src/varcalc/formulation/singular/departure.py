@@ -15,6 +15,7 @@ from varcalc.formulation.singular.detection import (
     finite_cost,
     line_through,
 )
+from varcalc.formulation.singular.indicial import powers_at_ends
 from varcalc.formulation.singular.powers import exponent
 from varcalc.problem.problem import Problem
 
@@ -52,6 +53,9 @@ def departure(problem: Problem, at_start: bool) -> Departure | None:
         return _of_length(line)
     if problem.n > 1:
         return None
+    if line is not None and _across_x(line):
+        b, q = powers_at_ends(problem)[0 if at_start else 1]
+        return None if (b, q) == (1, 1) else Departure(b, (q,), np.zeros(1))
     points = end_points(problem)
     here, other = points if at_start else points[::-1]
     found = exponent(problem, here, np.where(np.isnan(other), here + extent(problem), other))
@@ -65,13 +69,18 @@ def departure(problem: Problem, at_start: bool) -> Departure | None:
 
 
 def _like_a_length(problem: Problem, line: Blowup) -> bool:
-    """Whether L is proportional to large slopes, or large slopes do not occur because the line is vertical."""
-    if abs(line.normal[0]) > 1 - ALONG_AXIS:
-        return True
+    """Whether L is proportional to large slopes; of several functions it is taken to be so at a vertical line."""
     inside = line.origin + INSIDE * extent(problem) * line.normal
+    if _across_x(line) and problem.n > 1:
+        return True
     slopes = np.outer(np.ones(problem.n), LARGE)
     low, high = problem.integrand_values(np.full(2, inside[0]), np.outer(inside[1:], np.ones(2)), slopes)
     return bool(abs(high / low / (LARGE[1] / LARGE[0]) - 1) < PROPORTION)
+
+
+def _across_x(line: Blowup) -> bool:
+    """Whether L is infinite at an abscissa, whatever the ordinates."""
+    return bool(abs(line.normal[0]) > 1 - ALONG_AXIS)
 
 
 def _of_length(line: Blowup) -> Departure:

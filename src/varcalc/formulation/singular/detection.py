@@ -125,7 +125,7 @@ def grows(problem: Functional, at_start: bool) -> bool:
     far, near = (
         np.abs(_values(problem, point[:, None] + size * distance * around, np.ones(around.shape))) for distance in PROBE
     )
-    usable = np.isfinite(far) & np.isfinite(near)
+    usable = np.isfinite(far) & np.isfinite(near) & (far > 0)
     return bool(usable.any() and np.median(near[usable] / far[usable]) > GROWN)
 
 
@@ -161,7 +161,7 @@ class Survey:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         points, size = np.array(end_points(problem)), extent(problem)
-        start, end = _completed(problem)
+        start, end = completed_ends(problem)
         around = points.repeat(LOOKS, axis=0) + size * AROUND[0]
         across = start + SURVEY[0][:, None] * (end - start)
         across[:, 1] += size * SURVEY[1]
@@ -254,7 +254,7 @@ def _passes_zero(values: np.ndarray) -> bool:
     return bool(near < np.median(np.abs(values)))
 
 
-def _completed(problem: Problem) -> list[np.ndarray]:
+def completed_ends(problem: Problem) -> list[np.ndarray]:
     """The ends, with what is free at one taken from the other."""
     start, end = _spanned(problem)
     return [np.where(np.isnan(start), end, start), np.where(np.isnan(end), start, end)]

@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Conditions, Coordinates, Ends, Form, Sampled, Start, Stated, rewriter
-from varcalc.formulation.singular.abscissa import MEASURED
 from varcalc.formulation.singular.detection import GROWN, LARGEST_DENOMINATOR, PROBE, end_points
+from varcalc.formulation.singular.indicial import MEASURED
 from varcalc.formulation.singular.offsets import multiplied_out
 from varcalc.formulation.singular.powers import scaling
 from varcalc.numerics.mesh import gauss

@@ -17,7 +17,7 @@ import numpy as np
 from varcalc.formulation import Coordinates, Form, Sampled, Start, Stated, conditions_of, rewriter
 from varcalc.formulation.form import extended
 from varcalc.formulation.graph import graph_form
-from varcalc.formulation.singular.abscissa import growth
+from varcalc.formulation.singular.indicial import growth
 from varcalc.formulation.singular.offsets import gathered
 from varcalc.problem.breaks import breaks
 from varcalc.problem.problem import Problem

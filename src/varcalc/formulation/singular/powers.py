@@ -20,8 +20,8 @@ from varcalc.formulation.singular.offsets import gathered
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Problem
 
-SLOPES_TRIED = np.geomspace(1e-9, 1e9, 400)
-"""Slopes among which level lines of a first integral are looked for."""
+ANY_SLOPES = np.geomspace(1e-70, 1e70, 1401)
+"""Slopes among which level lines are looked for: close to an end a power makes them very small or large."""
 
 
 def power_form(problem: Problem, singular: tuple[bool, bool]) -> Form | None:
@@ -83,7 +83,7 @@ def exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[f
     s = problem.symbols
     energy = ca.dot(ca.gradient(problem.integrand, s.dy), s.dy) - problem.integrand
     function = ca.Function("energy", [s.x, s.y, s.dy, s.parameters, s.unknowns], [energy])
-    slopes = SLOPES_TRIED
+    slopes = ANY_SLOPES
     numbers = (problem.parameter_values, problem.unknown_guesses)
     # the constant is that of the chord half way: a level without relation to it may be ruled by another power
     rise, run = (float(v) for v in (other - corner)[::-1])
@@ -96,7 +96,7 @@ def exponent(problem: Problem, corner: np.ndarray, other: np.ndarray) -> tuple[f
             values = np.asarray(
                 function(
                     corner[0],
-                    np.full((1, 400), y),
+                    np.full((1, len(slopes)), y),
                     direction * slopes[None],
                     *numbers,
                 )

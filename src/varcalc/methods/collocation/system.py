@@ -30,9 +30,9 @@ from varcalc.numerics.mesh import Space, gauss
 
 
 def collocation_space(form: Form, vertices: np.ndarray, degree: int) -> Space:
-    """The space in which a form is collocated on a mesh: 2 m - 1 times differentiable, broken at knots."""
-    broken = tuple(int(np.argmin(np.abs(vertices - knot))) for knot in form.conditions.knots)
-    return Space(vertices, degree, form.n, 2 * form.order, False, broken, form.order)
+    """The space in which a form is collocated on a mesh: 2 m - 1 times differentiable, broken at knots inside it."""
+    broken = {int(np.argmin(np.abs(vertices - knot))) for knot in form.conditions.knots} - {0, len(vertices) - 1}
+    return Space(vertices, degree, form.n, 2 * form.order, False, tuple(sorted(broken)), form.order)
 
 
 @dataclass(frozen=True)

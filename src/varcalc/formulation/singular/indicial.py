@@ -1,0 +1,209 @@
+"""With which powers of the distance from an end extremals grow where L is singular in x there.
+
+Where the dependence of L on the slope blows up or dies like a power of the
+distance d from an end, d^s y'^2 say, the momentum L_y' = const makes y - y0 grow
+like a power e of it. Where L_yy beside L_y'y' does so as well, so that
+d^2 (L_yy - d/dx L_yy') / L_y'y' tends to a number kappa other than zero, e is
+the larger root of e (e + s - 1) = kappa (the indicial equation: Hartman,
+"Ordinary Differential Equations", ch. XI); where it tends to zero like a power
+of d, that power is added to e again and again, and so is that of what L_y pulls
+with. In t with d = t^b all are whole powers of t where they are fractions of
+small denominators. Where they are not, b is large enough for each to be a curve
+that polynomials come near fast.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from varcalc.formulation.singular.detection import A_FRACTION, LARGEST_DENOMINATOR, PROBE, completed_ends, end_points
+from varcalc.formulation.singular.powers import ANY_SLOPES, scaling
+from varcalc.problem.problem import Problem
+
+FEW_SLOPES = np.array([-1e6, -1e3, -1.0, -1e-3, 1e-3, 1.0, 1e3, 1e6])
+MEASURED = 1e-4
+"""Accuracy with which an exponent is measured."""
+SMOOTH = 6
+"""Power of t that a curve grows with next to an end where no whole power of t is all of it."""
+LARGEST_POWER = 40
+"""Largest power of t in x: a step of a twentieth in t leaves numbers that can still be squared."""
+SAME_MOMENTUM = 1e-3
+"""Slopes by which it is seen that the momentum is the same at both distances, and its relative change that is none:
+the least power that counts, a twelfth, changes it by a third."""
+REGULAR_POWER, REGULAR_SHARE = 1e-2, 1e-4
+"""Powers of L_y'y', and values of kappa at the nearer distance, that are none: beside a regular end they are 1e-9."""
+LEFT_OVER = 1e-2
+"""Share of two terms that is left when they cancel and tells nothing, as where L is a length and a curve is upright."""
+SURELY_NEGATIVE = -1e-4
+"""What is as little below zero is as good as zero, with the digits that L keeps so near an end."""
+
+
+@dataclass(frozen=True)
+class SingularEnd:
+    """An end at ``place`` where L_y'y' grows like the ``power`` of the distance, and kappa comes to ``share``.
+
+    ``steps`` are the powers of the distance by which terms of an extremal follow one another.
+    """
+
+    place: float
+    power: float
+    share: float
+    steps: tuple[float, ...] = ()
+
+    @property
+    def discriminant(self) -> float:
+        """That of the indicial equation, by four: negative where variations oscillate infinitely often at the end."""
+        return (0.5 * (1.0 - self.power)) ** 2 + self.share
+
+    @property
+    def oscillates(self) -> bool:
+        """Whether variations beside the end oscillate infinitely often."""
+        return self.discriminant < SURELY_NEGATIVE
+
+    @property
+    def euler(self) -> bool:
+        """Whether kappa is other than zero there."""
+        return abs(self.share) >= REGULAR_SHARE
+
+    @property
+    def exponent(self) -> float:
+        """The larger root of the indicial equation: of two solutions the one of finite value."""
+        return 0.5 * (1.0 - self.power) + math.sqrt(max(self.discriminant, 0.0))
+
+
+def singular_end(place: float, steps: np.ndarray, second: np.ndarray) -> SingularEnd | None:
+    """What L_yy, L_yy', L_y'y' (3, 2) at two ``steps`` from a place tell of variations; None where that is regular.
+
+    None where L_yy and d/dx L_yy' all but cancel as well.
+    """
+    (yy, mixed, pp), ratio = second, math.log(steps[0] / steps[1])
+    if not (np.isfinite(second).all() and (pp > 0).all()):
+        return None
+    growth = math.log(mixed[0] / mixed[1]) / ratio if mixed[0] * mixed[1] > 0 else 0.0
+    bent, turned = yy, growth * mixed / steps
+    if abs(bent[1] - turned[1]) < LEFT_OVER * (abs(bent[1]) + abs(turned[1])):
+        return None
+    shares = steps**2 * (bent - turned) / pp
+    power = math.log(pp[0] / pp[1]) / ratio
+    follow = (math.log(shares[0] / shares[1]) / ratio,) if shares[0] * shares[1] > 0 else ()
+    regular = abs(power) < REGULAR_POWER and abs(shares[1]) < REGULAR_SHARE
+    if regular and not any(_broken(step) for step in follow):
+        return None
+    return SingularEnd(place, power, float(shares[1]), follow)
+
+
+def singular_ends_of(problem: Problem) -> tuple[SingularEnd | None, SingularEnd | None]:
+    """What becomes of variations of the chord, of one function of first order, beside either end."""
+    points = np.array(completed_ends(problem))
+    steps = (points[1, 0] - points[0, 0]) * np.array([PROBE, PROBE]) * [[1.0], [-1.0]]
+    slope = _chord(points)
+    places, y = points[:, :1] + steps, points[:, 1:] + slope * steps
+    with np.errstate(all="ignore"):
+        found = problem.integrand_derivatives(places.ravel(), y.ravel()[None], np.full((1, 4), slope))
+        hessian = problem.sign * found.hessian.reshape(2, 2, 3, 3)
+        pull, momentum = found.gradient[:, 1].reshape(2, 2), hessian[:, :, 2, 2]
+        second = np.stack([hessian[:, :, 1, 1], hessian[:, :, 1, 2], momentum], axis=1)
+        ends = [singular_end(float(points[k, 0]), steps[k], second[k]) for k in (0, 1)]
+        return _pulled(ends[0], steps[0], pull[0], momentum[0]), _pulled(ends[1], steps[1], pull[1], momentum[1])
+
+
+def _chord(points: np.ndarray) -> float:
+    slope = float((points[1, 1] - points[0, 1]) / (points[1, 0] - points[0, 0]))
+    return slope if math.isfinite(slope) else 0.0
+
+
+def momenta_beside_ends(problem: Problem) -> np.ndarray:
+    """L_y' at both distances from either end, for a few slopes: shape (ends, distances, slopes)."""
+    ((x0, y0), (x1, y1)), count = (end.tolist() for end in end_points(problem)), len(FEW_SLOPES)
+    steps = (x1 - x0) * np.array(PROBE)
+    x = np.concatenate([x0 + steps, x1 - steps]).repeat(count)
+    y = np.array([y0, y0, y1, y1]).repeat(count)
+    momenta = problem.integrand_derivatives(x, y[None], np.tile(FEW_SLOPES, 4)[None]).gradient[:, 2]
+    return momenta.reshape(2, 2, count)
+
+
+def regular(momenta: np.ndarray) -> bool:
+    """Whether the momentum is the same at both distances from either end, whatever the slope: no power of x then."""
+    far, near = momenta.swapaxes(0, 1)
+    with np.errstate(invalid="ignore"):  # infinite ones are not the same
+        return bool((np.abs(near - far) <= SAME_MOMENTUM * np.minimum(np.abs(near), np.abs(far))).all())
+
+
+def unfelt(momenta: np.ndarray) -> tuple[bool, bool]:
+    """Whether L does not feel the slope at the ordinate of either end, as where a power of y is a factor of it."""
+    start, end = (bool((beside == 0.0).all()) for beside in momenta)
+    return start, end
+
+
+def powers_at_ends(problem: Problem) -> list[tuple[int, int]]:
+    """(b, q) at both ends, whose coordinates are known: y grows like t^q where the distance is t^b, or (1, 1)."""
+    start, end = completed_ends(problem)
+    width = float(end[0] - start[0])
+    seen = singular_ends_of(problem)
+    return [
+        _powers(problem, float(point[0]), inward, beside)
+        for point, inward, beside in zip((start, end), (width, -width), seen, strict=True)
+    ]
+
+
+def _powers(problem: Problem, place: float, inward: float, beside: SingularEnd | None) -> tuple[int, int]:
+    """(b, q) at one end, of which variations tell what lies ``beside`` it."""
+    if beside is not None and beside.oscillates:
+        return 1, 1
+    if beside is not None and beside.euler:
+        return whole_powers(beside.exponent, beside.steps)
+    found = growth(problem, place, place + inward)
+    return whole_powers(1.0 if found is None else found, () if beside is None else beside.steps)
+
+
+def growth(problem: Problem, place: float, toward: float) -> float | None:
+    """The power of the distance from a ``place``, on the way ``toward`` another, that y grows with there: L_y' = const.
+
+    None where no power that is a curve's does.
+    """
+    # the level of the momentum is that of the chord half way: far from it another power may rule
+    ends = np.array(completed_ends(problem))
+    trial = float((ends[1, 1] - ends[0, 1]) / (ends[1, 0] - ends[0, 0])) or 1.0
+    count = len(ANY_SLOPES)
+    steps = (toward - place) * np.array([0.5, *PROBE])
+    x = (place + steps).repeat([1, count, count])
+    y = np.interp([place + steps[0], place], *ends.T).repeat([1, 2 * count])
+    slopes = np.concatenate([[trial], np.tile(math.copysign(1.0, trial) * ANY_SLOPES, 2)])
+    momenta = problem.integrand_derivatives(x, y[None], slopes[None]).gradient[:, 2]
+    slope = scaling(ANY_SLOPES, list(momenta[1:].reshape(2, -1)), float(momenta[0]))
+    return None if slope is None or not math.isfinite(slope) or slope <= -1 else 1.0 + slope
+
+
+def whole_powers(exponent: float, steps: Sequence[float] = ()) -> tuple[int, int]:
+    """(b, q) with q / b the exponent and b times each of the ``steps`` whole, where all are fractions of small numbers.
+
+    Else q / b is not above the exponent, and b large.
+    """
+    values = [exponent, *filter(_broken, steps)]
+    for b in range(1, 2 * LARGEST_DENOMINATOR + 1):
+        q = round(b * exponent)
+        if 0 < q <= 2 * LARGEST_DENOMINATOR and all(abs(v - round(b * v) / b) <= MEASURED for v in values):
+            return b, q
+    gaps = [exponent, *(v - exponent if v > exponent else v for v in values[1:])]
+    b = min(math.ceil(SMOOTH / min(gaps)), LARGEST_POWER)
+    return b, max(1, math.floor(b * exponent + MEASURED))
+
+
+def _pulled(end: SingularEnd | None, steps: np.ndarray, pull: np.ndarray, momentum: np.ndarray) -> SingularEnd | None:
+    """The end with the power of the distance to which L_y (2,), at two ``steps`` from it, bends an extremal."""
+    if not (np.isfinite(pull).all() and pull[0] * pull[1] > 0 and (momentum > 0).all()):
+        return end
+    bent = 2.0 + math.log(pull[0] / pull[1] * (momentum[1] / momentum[0])) / math.log(steps[0] / steps[1])
+    if not _broken(bent):
+        return end
+    known = end or SingularEnd(0.0, 0.0, 0.0)
+    return replace(known, steps=(*known.steps, bent))
+
+
+def _broken(power: float) -> bool:
+    """Whether a power of the distance is no whole one, and low enough to matter."""
+    return 0.0 < power < SMOOTH and abs(power - round(power)) > A_FRACTION
