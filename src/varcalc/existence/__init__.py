@@ -1,6 +1,20 @@
-"""Whether there is a minimum at all, and what stands in its way.
+"""Whether there is a minimum at all, and whether there is a lower one.
 
-Looked at only where no method gave an answer: levels out of reach, functionals
-without a bound, minima with corners, infima that no curve attains. The modules
-are imported where they are used, for most problems never need them.
+The modules are imported where they are used, for most problems never need them.
+
+Beside an answer: ``global_look`` looks for other valleys over the lattices of ``polygons``, in the ``directions`` of
+what no one lattice holds, and for several functions ``together``; ``moved_polygons`` go to where the functional is
+less, ``bent_curves`` and ``shapes`` are for the second order, ``narrow_valleys`` and ``cheaper_ends`` for what is
+narrower than any lattice. ``broken_curve`` jumps at the ends, ``upright`` within a steep answer; ``displaced`` moves
+kinks that may lie anywhere; ``closer_meshes`` sees that nothing lies between the points of what is solved in pieces.
+
+Where L has kinks or jumps: ``refraction``, begun from what ``rounded`` or polygons show and solved ``in_pieces``;
+``rests``, ``held_throughout``, ``held_ends``, ``constant_speed`` and ``above_kinks``; ``total_variation`` of what is
+``linear_between`` kinks, by ``placed_lines`` of ``least_paths`` and ``on_level``.
+
+Where no method had an answer, ``second_look`` asks in turn: ``feasibility`` (levels out of reach), ``falling`` (no
+lower bound), ``fading`` (a limit that nothing attains), ``relaxation`` (the convexified problem, begun on
+``relaxed_polygons`` as well), ``corners`` (placed by the solver, or refining for ever), ``approach`` (concentration,
+Lavrentiev gaps), ``standing`` (saddles that IPOPT ends at under holonomic conditions), ``least_polygons`` (to begin
+from where the chord leads nowhere).
 """

@@ -1,4 +1,11 @@
-"""Mechanics from the action principle: a Lagrangian in, its equations, motions, invariants and actions out."""
+"""Mechanics from the action principle: a Lagrangian in, its equations, motions, invariants and actions out.
+
+What a Lagrangian says is ``system`` with ``lagrange``, ``legendre``, ``symmetries``, ``brackets``, ``frames`` and
+``constraints``. ``motion`` runs it, through events by ``passages``; ``course`` carries a state over a span with its
+claim. ``closed_orbits`` has ``orbit_symmetry``; ``equilibria`` are seen ``linearised``, by their ``monodromy``
+(Floquet) and by ``galerkin``; ``stability`` goes over parameters; ``scattering``, ``reduced`` and ``rigid`` are
+packages of their own. ``experiment`` holds a motion against what is known of it.
+"""
 
 from __future__ import annotations
 
