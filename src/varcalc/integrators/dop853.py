@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib.util
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, Literal
@@ -22,7 +22,7 @@ from varcalc.integrators.nystrom import Nystrom, second_order
 from varcalc.integrators.protocol import COMPLETED, OUTCOMES, Landing, Run, begun, check_system, checked
 from varcalc.integrators.side_by_side import Runs, combined
 from varcalc.integrators.stops import Interpolant, Stops
-from varcalc.integrators.written import FEW_RUNS, WrittenStep, WrittenStepper, worth_writing
+from varcalc.integrators.written import FEW_RUNS, WrittenStep, WrittenStepper, weighted, worth_writing
 from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
@@ -228,9 +228,6 @@ def _written_step(rates: PointEvaluator) -> WrittenStep:
     time, end = ca.SX.sym("t"), ca.SX.sym("e")
     state, slope, constants = (ca.SX.sym(name, system.numel_in(k)) for name, k in (("Y", 1), ("f", 1), ("c", 2)))
     h = end - time
-
-    def weighted(weights: np.ndarray, slopes: Mapping[int, Expression]) -> Expression:
-        return sum((float(w) * slopes[j] for j, w in enumerate(weights) if w), ca.SX.zeros(size))
 
     k: dict[int, Expression] = {KEPT_AT[0]: h * slope}
     there, rate = state, slope

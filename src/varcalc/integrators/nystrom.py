@@ -18,7 +18,7 @@ import numpy as np
 from varcalc.integrators.lowering import CannotLower, scalar_function
 from varcalc.integrators.side_by_side import combined
 from varcalc.integrators.stops import Interpolant
-from varcalc.integrators.written import FEW_RUNS, WrittenStep, WrittenStepper, worth_writing
+from varcalc.integrators.written import FEW_RUNS, WrittenStep, WrittenStepper, weighted, worth_writing
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.tracing import Expression
 
@@ -210,7 +210,7 @@ class _WrittenNystrom:
         there: dict[int, Expression] = {}
 
         def bent(part: float, weights: np.ndarray) -> Expression:
-            return begin + part * h * velocity + h**2 * _weighted(weights, k)[:d]
+            return begin + part * h * velocity + h**2 * weighted(weights, k)[:d]
 
         for s in range(1, 17):
             weights = np.zeros(17)
@@ -220,13 +220,11 @@ class _WrittenNystrom:
         of_use = np.where(np.arange(17) == UNUSED, 0.0, outcome)
         place = bent(1.0, of_use[0])
         rates = ca.densify(system.rates(self.end, place, self.constants))
-        after = moved + h * _weighted(of_use[1], k)
+        after = moved + h * weighted(of_use[1], k)
         last = ca.densify(system.following(self.end, place, after[:d], self.constants))
         f = self._followed(k, there, last)
-        new = self._whole(place, after, followed + h * _weighted(of_use[1], f))
-        error = self._whole(
-            h**2 * _weighted(of_use[2], k)[:d], h * _weighted(of_use[3], k), h * _weighted(of_use[3], f)
-        )
+        new = self._whole(place, after, followed + h * weighted(of_use[1], f))
+        error = self._whole(h**2 * weighted(of_use[2], k)[:d], h * weighted(of_use[3], k), h * weighted(of_use[3], f))
         return [new, self._whole(after[:d], rates, last), error], k, f
 
     def _followed(
@@ -237,7 +235,7 @@ class _WrittenNystrom:
         f = {FIRST: self.slope[system.followed], 15: last, 16: last}
         for s in NODES:
             row = np.where(np.arange(17) == UNUSED, 0.0, weights[s])
-            velocity = self.state[system.velocities] + h * _weighted(row, k)[: len(system.places)]
+            velocity = self.state[system.velocities] + h * weighted(row, k)[: len(system.places)]
             f[s] = ca.densify(system.following(self.time + at[s] * h, there[s], velocity, self.constants))
         return f
 
@@ -275,12 +273,6 @@ class _WrittenNystrom:
 
     def _shaped(self, table: np.ndarray, begun: Expression, rates: Expression) -> Expression:
         return ca.horzcat(begun, rates) @ table.T
-
-
-def _weighted(weights: np.ndarray, rates: dict[int, Expression]) -> Expression:
-    """The sum of rates by their weights, those that are zero left out."""
-    some = next(iter(rates.values()))
-    return sum((float(w) * rates[j] for j, w in enumerate(weights) if w and j in rates), ca.SX.zeros(some.numel()))
 
 
 def _root_mean_square(error: np.ndarray) -> np.ndarray:
