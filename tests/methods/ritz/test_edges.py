@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from scipy.special import beta
 
 import varcalc as vc
+from varcalc.methods.ritz.system import RitzSystem
 
 TOL = 1e-10
 
@@ -142,3 +143,14 @@ def test_narrow_loads_beside_an_edge_are_seen():
     # a point load P at c lifts y there to P g, with y' = P (1 - G(c)) / sqrt(x) to its left: G = sqrt(x)
     point, place = 2e3 * 1e-5 * math.pi, math.sqrt(0.02)
     assert not found.status.ok or found.value == pytest.approx(-(point**2) * place * (1 - place), rel=1e-2)
+
+
+def test_a_descent_that_runs_into_an_edge_says_so_soon(monkeypatch):
+    # the polygons of two discs begin next to y = 0, where y sqrt(1 + y'^2) loses Legendre's condition
+    asked, evaluate = [], RitzSystem.evaluate
+    monkeypatch.setattr(RitzSystem, "evaluate", lambda system, z: asked.append(z) or evaluate(system, z))
+    film = vc.Problem(lambda x, y, dy: y * np.sqrt(1 + dy**2), vc.Fixed(-0.5, 1), vc.Fixed(0.5, 1))
+    found = vc.solve(film)
+    c = brentq(lambda c: c * math.cosh(0.5 / c) - 1, 0.7, 1.0, xtol=1e-15)
+    assert found.value == pytest.approx(c / 2 + c * c / 2 * math.sinh(1 / c), rel=1e-12)
+    assert len(asked) < 120

@@ -11,9 +11,10 @@ singularity to where the functional has no lower bound.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,11 @@ They go along a bent valley, where what each gains says nothing of what is left.
 ARMIJO = 1e-4
 SHRINK = 0.5
 SMALLEST_STEP = 1e-10
+SHORT_STEP, SHORTER_IN_A_ROW = 2.0**-16, 4
+"""A share of Newton's step, and how many in a row are each less than the one before, that lead nowhere any more.
+
+They run into an edge of the domain of L. Of the descents of the tests that went so none found a minimum, and to be told
+that each took twice as long again. Shares of 2^-15 have grown again."""
 LARGEST_DENSE = 300
 """Unknowns up to which a dense factorisation is still worth its cube."""
 RUNAWAY = 1e9
@@ -350,6 +356,7 @@ def minimise(
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
     enough = _enough(at, tol, edged=edged)
     begun, largest, direct, before = at.scale, at.scale, True, 0.0
+    lengths: list[float] = []
     for iteration in range(1, newton.iterations + 1):
         step = newton_step(system, at, multipliers)
         if step is None:
@@ -363,13 +370,14 @@ def minimise(
             ended = _ended(system, z, at, step, iteration, direct=direct, edged=edged)
             if math.isfinite(ended.value):
                 return ended
-        following = _search(system, z, at, step, guarded)
+        following = None if _aground(lengths) else _search(system, z, at, step, guarded)
         if following is None:
             nothing_left = decrement <= STAGNATED or _is_round_off(system, at, step, decrement)
             reason = _unmet(system, at) if nothing_left else "no step along the Newton direction descends"
             return Descent(z, multipliers, at.value, iteration, reason, gap=edged * step.decrement)
-        (z, at, whole), before = following, decrement
-        direct = direct and whole and step.definite
+        (z, at, length), before = following, decrement
+        lengths.append(length)
+        direct = direct and length == 1.0 and step.definite
         if iteration <= SETTLING:
             largest = max(largest, at.scale)
         elif at.value < -RUNAWAY * largest:
@@ -389,6 +397,12 @@ def _converged(decrement: float, before: float, enough: float, quickly: float) -
     """Whether a relative decrement is ``enough``, or fell ``quickly`` enough from the one before."""
     crawls = decrement > max(CRAWLING * before, NO_DECREMENT) and before > 0.0
     return decrement <= min(quickly, QUICK * before) or (decrement <= enough and not crawls)
+
+
+def _aground(lengths: Sequence[float]) -> bool:
+    """Whether steps of these ``lengths`` go ever more slowly towards an edge of the domain of L."""
+    last = lengths[-SHORTER_IN_A_ROW:]
+    return len(last) == SHORTER_IN_A_ROW and last[-1] < SHORT_STEP and all(b < a for a, b in pairwise(last))
 
 
 def edge_met(system: RitzSystem, at: Evaluation) -> bool:
@@ -489,10 +503,10 @@ class _Merit:
 
 def _search(
     system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool
-) -> tuple[np.ndarray, Evaluation, bool] | None:
+) -> tuple[np.ndarray, Evaluation, float] | None:
     """Backtrack on the l1 merit function; trial curves outside the domain or the guard are rejected.
 
-    The curve, what is there, and whether the step was taken whole.
+    The curve, what is there, and the share of the step that was taken.
 
     A full step along curved conditions leaves them by its square, which the merit
     function may not forgive however good the step (Maratos; Nocedal and Wright, sect. 18.3): it is then
@@ -508,12 +522,12 @@ def _search(
         moved = z + length * step.change
         trial = system.evaluate(moved)
         if descends(trial, length):
-            return moved, trial, length == 1.0
+            return moved, trial, length
         if length == 1.0 and len(at.conditions) and _finite(trial):
             moved = moved + NullSpace(at.jacobian).back(trial.conditions)
             trial = system.evaluate(moved)
             if descends(trial, length):
-                return moved, trial, True
+                return moved, trial, length
         length *= SHRINK
     return None
 
