@@ -218,3 +218,13 @@ def test_what_varies_everywhere_is_refused_on_the_mesh_at_hand():
     assert not solution.status.ok
     assert "varies faster than the points of the mesh can tell" in solution.message
     assert len(solution.x) < 10_000
+
+
+@pytest.mark.parametrize(("width", "rise", "units"), [(1.888, -0.407, (0.1, 1e3)), (2.5, 0.3, (1.0, 1e3))])
+def test_a_curve_that_is_far_from_its_end_at_the_point_next_to_that(width, rise, units):
+    # e^-y sqrt(1 + y'^2) is an arc of the plane at radius e^-y and angle x: far up, at radius 0, it costs nothing but
+    # on the way there, which a mesh in other units steps over
+    sx, sy = units
+    problem = graph(lambda x, y, v: ca.exp(-sy * y) * ca.sqrt(sx**2 + (sy * v) ** 2), last=(width / sx, rise / sy))
+    radius = np.exp(-rise)
+    assert vc.solve(problem).value == pytest.approx(np.sqrt(1 + radius**2 - 2 * radius * np.cos(width)), rel=1e-10)

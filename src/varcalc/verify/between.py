@@ -354,7 +354,10 @@ def _samples(extremal: Extremal) -> tuple[np.ndarray, np.ndarray]:
     if known is not None:
         s, points = known.s, np.vstack([known.x, known.y, known.dy])
         before, after = _led_on(s, points, first, 0, 1), _led_on(s, points, last, -1, -2)
-        s, points = np.concatenate([[first], s, [last]]), np.column_stack([before, points, after])
+        ends, own = np.column_stack([before, after]), len(known.x[:1]) + len(known.y)
+        # a curve may be far from its end at the point next to that
+        ends[:own] = _points(extremal, np.array([first, last]))[:own]
+        s, points = np.concatenate([[first], s, [last]]), np.column_stack([ends[:, 0], points, ends[:, 1]])
     else:
         pieces = BOXES if len(vertices) <= FEW_ELEMENTS + 1 else LEAST_BOXES
         inner = vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(pieces) / pieces)
