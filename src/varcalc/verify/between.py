@@ -354,9 +354,11 @@ def _samples(extremal: Extremal) -> tuple[np.ndarray, np.ndarray]:
     if known is not None:
         s, points = known.s, np.vstack([known.x, known.y, known.dy])
         before, after = _led_on(s, points, first, 0, 1), _led_on(s, points, last, -1, -2)
-        ends, own = np.column_stack([before, after]), len(known.x[:1]) + len(known.y)
+        ends = np.column_stack([before, after])
         # a curve may be far from its end at the point next to that
-        ends[:own] = _points(extremal, np.array([first, last]))[:own]
+        given = [end.values(len(known.y)) for end in (extremal.form.problem.start, extremal.form.problem.end)]
+        ordinates = ends[1 : 1 + len(known.y)]
+        np.copyto(ordinates, np.transpose(given), where=np.isfinite(np.transpose(given)))
         s, points = np.concatenate([[first], s, [last]]), np.column_stack([ends[:, 0], points, ends[:, 1]])
     else:
         pieces = BOXES if len(vertices) <= FEW_ELEMENTS + 1 else LEAST_BOXES
