@@ -499,3 +499,12 @@ def test_a_place_that_one_integrator_steps_over_and_another_does_not_ends_in_a_r
     weighted = vc.Problem(lambda x, y, v: ca.fabs(x) ** power * v**2, vc.Fixed(-0.815, 0), vc.Fixed(1, 1.314))
     found = vc.solve(weighted, Shooting(), throw=False)
     assert found.status is Status.NOT_CONVERGED
+
+
+@pytest.mark.parametrize(("height", "width"), [(3.82, 1.7), (25.95, 2.39), (-13.81, 1.59)])
+def test_a_level_start_that_lies_high_has_the_unit_of_its_height(height, width):
+    # y'^2/2 - f y from a given height to a free one: y' = f (w - x), and the level start is one but for round-off
+    f = 0.7
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 - f * y, vc.Fixed(0, height), vc.Free(width))
+    found = vc.solve(problem, Shooting())
+    assert found.value == pytest.approx(-f * height * width - f**2 * width**3 / 6, rel=1e-11)

@@ -20,6 +20,8 @@ from varcalc.symbolic.evaluation import in_columns
 
 SEGMENT_POINTS = 9
 """Points of a segment at which the starting curve is sampled."""
+NO_SPREAD = 1e-13
+"""Of the size of ordinates: a difference between them that is round-off."""
 STATES_DEGREE = 5
 """Degree of the polynomial through them."""
 DERIVATIVE = np.pad(np.array([legendre.legder(row) for row in np.eye(STATES_DEGREE + 1)]), ((0, 0), (0, 1)))
@@ -38,8 +40,8 @@ def scales(equations: EulerLagrangeFlow, curve: Sampled) -> Scales:
     width = form.span[1] - form.span[0]
     s = np.linspace(*form.span, 17)
     values = curve(s)
-    spread = np.ptp(values, axis=1)
-    ordinates = np.where(spread > 0, spread, np.abs(values).max(axis=1))
+    spread, farthest = np.ptp(values, axis=1), np.abs(values).max(axis=1)
+    ordinates = np.where(spread > NO_SPREAD * farthest, spread, farthest)
     largest = float(ordinates.max()) or height(form)
     ordinates = np.where(ordinates > 1e-3 * largest, ordinates, largest)
     middle, slopes = s[1:-1], np.gradient(values, s, axis=1)[:, 1:-1]
