@@ -22,10 +22,10 @@ from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
 from varcalc.formulation import SideCondition
 from varcalc.problem.conditions import Constraint, Isoperimetric
-from varcalc.problem.functional import Functional, rebuilt
+from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.instructions import Program
-from varcalc.symbolic.tracing import Expression, TracedFunction
+from varcalc.symbolic.tracing import Expression
 
 
 @dataclass(frozen=True)
@@ -120,30 +120,14 @@ def with_multipliers(
 
     Of these each Isoperimetric is one of the problem's own.
     """
-    s, names = problem.symbols, not_taken(problem, [f"multiplier_{k}" for k in range(len(terms))])
+    names = not_taken(problem, [f"multiplier_{k}" for k in range(len(terms))])
     symbols = ca.SX.sym("multipliers", len(names))
     total = problem.sign * problem.integrand
     for k, (integrand, _) in enumerate(terms):
         total = total + symbols[k] * integrand
 
-    def put(traced: TracedFunction) -> TracedFunction:
-        return traced
-
-    (_, *ends, _), options = problem.sent(put)
-    arguments = [s.x, s.y, *s.slopes, s.parameters, s.unknowns, symbols]
-    groups = tuple(problem.parameters), tuple(problem.unknowns), tuple(names)
-
-    def anew(expression: Expression) -> TracedFunction:
-        return TracedFunction(ca.Function("traced", arguments, [expression]), groups)
-
-    traced = {id(t.constraint): t.expression for t in problem.traced}
-    kept = [c.stated(anew(traced[id(c)])) if isinstance(c, Isoperimetric) else c for c in constraints]
     values = {name: multiplier for name, (_, multiplier) in zip(names, terms, strict=True)}
-    found = rebuilt(
-        Problem, (anew(problem.sign * total), *ends, kept), options | {"parameters": problem.parameters | values}
-    )
-    assert isinstance(found, Problem)
-    return found
+    return problem.with_integrand(problem.sign * total, values, symbols, constraints=constraints)
 
 
 def not_taken(problem: Functional, names: list[str]) -> list[str]:

@@ -32,11 +32,10 @@ from varcalc.certificates.setting import Setting, as_graph, setting_of
 from varcalc.certificates.smooth import Undecided, head
 from varcalc.certificates.statement import Statement, statement
 from varcalc.problem.conditions import Isoperimetric, Through
-from varcalc.problem.functional import rebuilt
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.instructions import Program
-from varcalc.symbolic.tracing import Expression, TracedFunction
+from varcalc.symbolic.tracing import Expression
 from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.given_curve import DISTINCT_NODES, distinct
 
@@ -199,18 +198,8 @@ class Kinked:
 
     def lower(self, problem: Problem) -> Problem:
         """The problem of the Lagrangian with sigma e in place of each |e|."""
-        s, total = self.along.symbols, self._stated(below=True)
-
-        def put(traced: TracedFunction) -> TracedFunction:
-            return traced
-
-        (_, *ends, constraints), options = problem.sent(put)
-        arguments = [s.x, s.y, s.dy, s.parameters, s.unknowns]
-        function = ca.Function("traced", arguments, [problem.sign * total])
-        lagrangian = TracedFunction(function, (tuple(problem.parameters), tuple(problem.unknowns)))
-        found = rebuilt(Problem, (lagrangian, *ends, constraints), options | {"breakpoints": tuple(self.edges[1:-1])})
-        assert isinstance(found, Problem)
-        return found
+        integrand = problem.sign * self._stated(below=True)
+        return problem.with_integrand(integrand, breakpoints=tuple(self.edges[1:-1]))
 
     def _stated(self, *, below: bool) -> Expression:
         """The Lagrangian with lines of support for kinks: ``below``, or only where the curve follows a break."""

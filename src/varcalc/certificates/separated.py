@@ -28,11 +28,10 @@ from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.statement import squared
 from varcalc.problem.conditions import Fixed, Free
-from varcalc.problem.functional import rebuilt
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.instructions import Program
-from varcalc.symbolic.tracing import Expression, TracedFunction
+from varcalc.symbolic.tracing import Expression
 
 RATIO = 0.25
 """p^2 u^r/N at the place up to which the curve is bounded so: it turns where that is 1."""
@@ -196,18 +195,9 @@ class Separated:
 
     def rest(self) -> Problem:
         """The problem of the rest of the curve, from a free end that costs what was left out."""
-
-        def put(traced: TracedFunction) -> TracedFunction:
-            return traced
-
-        (_, *ends, constraints), options = self.problem.sent(put)
-        ends[self.end] = Free(self.at)
         slope, bend = self.cost
         added = not_taken(self.problem, COST)
         numbers = dict(zip(added, (self.side * slope, bend, self.y), strict=True))
-        s, names = self.problem.symbols, (tuple(self.problem.parameters), tuple(numbers))
-        arguments = [s.x, s.y, s.dy, s.parameters, s.kind.sym("numbers", len(numbers))]
-        lagrangian = TracedFunction(ca.Function("traced", arguments, [self.problem.integrand]), names)
 
         def cost(x0: Any, y0: Any, x1: Any, y1: Any, p: Any) -> Any:
             """What was left out, to the second order in how far the end lies from where it was cut off."""
@@ -215,10 +205,9 @@ class Separated:
             off = (y1 if self.end else y0) - place
             return by_slope * off + by_bend * off**2 / 2
 
-        options |= {"parameters": self.problem.parameters | numbers, "end_cost": cost}
-        found = rebuilt(Problem, (lagrangian, *ends, constraints), options)
-        assert isinstance(found, Problem)
-        return found
+        symbols = self.problem.symbols.kind.sym("numbers", len(numbers))
+        end = {"end" if self.end else "start": Free(self.at)}
+        return self.problem.with_integrand(self.problem.integrand, numbers, symbols, end_cost=cost, **end)
 
 
 def separated(solution: Solution) -> Separated | None:

@@ -19,11 +19,10 @@ from varcalc.certificates.degree import degrees
 from varcalc.certificates.jets import Jet, jets, without_enclosure
 from varcalc.certificates.smooth import head
 from varcalc.problem.conditions import At, OnSurface, Through
-from varcalc.problem.functional import rebuilt
 from varcalc.problem.problem import Curve
 from varcalc.solution import Solution
 from varcalc.symbolic.instructions import Program
-from varcalc.symbolic.tracing import Expression, TracedFunction
+from varcalc.symbolic.tracing import Expression
 
 
 def pinned(solution: Solution) -> tuple[Curve, Callable[[Any], np.ndarray]] | None:
@@ -43,7 +42,8 @@ def pinned(solution: Solution) -> tuple[Curve, Callable[[Any], np.ndarray]] | No
     for k in range(problem.n):
         start = None if ca.depends_on(held, y[k]) or not _free(problem.end, k) else _start(problem, phis[0], k, at)
         if start is not None:
-            return _from(problem, start), partial(_shifted, solution, np.where(np.arange(problem.n) == k, at[k], 0.0))
+            by = np.where(np.arange(problem.n) == k, at[k], 0.0)
+            return problem.with_integrand(problem.integrand, start=start), partial(_shifted, solution, by)
     return None
 
 
@@ -89,13 +89,3 @@ def _root(phi: ca.Function, k: int, at: np.ndarray) -> float | None:
         v for v in (0.0, float(round(at[k])), float(at[k])) if value(v).is_zero() and not value(v + 1.0).contains(0)
     ]
     return roots[0] if roots else None
-
-
-def _from(problem: Curve, start: At) -> Curve:
-    def put(traced: TracedFunction) -> TracedFunction:
-        return traced
-
-    (lagrangian, _, end, constraints), options = problem.sent(put)
-    found = rebuilt(Curve, (lagrangian, start, end, constraints), options)
-    assert isinstance(found, Curve)
-    return found

@@ -439,6 +439,34 @@ class Functional(Shown):
         }  # fmt: skip
         return statement, options | self._options()
 
+    def with_integrand(
+        self, integrand: Expression, numbers: Mapping[str, float] | None = None, symbols: Expression | None = None,
+        **changed: Any,
+    ) -> Self:  # fmt: skip
+        """The problem of another ``integrand``, an expression of its symbols, and of what its other functions gave.
+
+        ``numbers`` are parameters besides its own, with their ``symbols``; ``changed`` are arguments of its class, with
+        constraints of this problem's as they are.
+        """
+        s, more = self.symbols, dict(numbers or {})
+        added, group = ([symbols], [tuple(more)]) if more and symbols is not None else ([], [])
+
+        def put(traced: TracedFunction) -> TracedFunction:
+            """The same function, which is called with the further numbers as well."""
+            if not (added and traced.names):
+                return traced  # ends slide on it: it is called without parameters
+            given = [s.kind.sym("a", *traced.function.size_in(k)) for k in range(traced.function.n_in())]
+            function = ca.Function("traced", [*given, *added], traced.function.call(given, True, False))
+            return TracedFunction(function, (*traced.names, *group), traced.__name__)
+
+        (_, start, end, constraints), options = self.sent(put)
+        arguments = [*self.position(s.x, s.y), *s.slopes, s.parameters, s.unknowns, *added]
+        names = tuple(self.parameters), tuple(self.unknowns), *group
+        sent = {id(own): c for own, c in zip(self.constraints, constraints, strict=True)}
+        kept = [sent.get(id(c), c) for c in changed.pop("constraints", self.constraints)]
+        options |= {"start": start, "end": end, "constraints": kept, "parameters": self.parameters | more}
+        return type(self)(TracedFunction(ca.Function("traced", arguments, [integrand]), names), **options | changed)
+
     def _sent_end(self, end: Any, put: Callable[[TracedFunction], Callable[..., Any]]) -> Any:
         """An end whose function, if it has one, is what it gave."""
         if not isinstance(end, OfFunction):
