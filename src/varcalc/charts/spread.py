@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from varcalc.charts.colours import INK, colours_by_label
 from varcalc.charts.panels import FLOOR, plain
-from varcalc.charts.work_precision import BRIEFEST, delivered_error, draw_claims, drawable, front, top_edge
+from varcalc.charts.work_precision import BRIEFEST, delivered_error, draw_claims, drawable, failures, front, top_edge
 from varcalc.study.compare import EXACT_FLOOR
 from varcalc.study.records import MAXIMUM, Record, measured_order
 from varcalc.study.routes import Knob
@@ -137,11 +137,8 @@ def convergence_picture(records: Sequence[Record], *, title: str = "") -> Figure
     _logarithmic(panel, top_edge(drawn))
     _finished_convergence(panel, drawn, style)
     panel.set_title(title, fontsize=12, color=INK, loc="left")
-    routes = [_route_handle(name, colour, style.beneath(name)) for name, colour in style.colours.items()]
-    marks = [
-        Line2D([], [], color=INK, marker=m, markersize=5, linewidth=0, label=name) for name, m in style.markers.items()
-    ]
-    figure.legend(handles=[*routes, *marks], loc="outside lower left", ncols=2, frameon=False, labelcolor=INK)
+    handles = [handle for part in _handles(style) for handle in part]
+    figure.legend(handles=handles, loc="outside lower left", ncols=2, frameon=False, labelcolor=INK)
     return figure
 
 
@@ -251,9 +248,7 @@ def _draw_route(panel: Axes, records: Sequence[Record], time: Time, colour: str,
         panel.plot(at[~driven], errors[~driven], "o", color=colour, markersize=3, alpha=0.45, linewidth=0, zorder=2)
         panel.plot(at[driven], errors[driven], "o", color=colour, markersize=5.5, markeredgecolor="white",
                    markeredgewidth=0.6, zorder=4)  # fmt: skip
-    failed = at[np.isnan(errors)]
-    crosses = panel.plot(failed, np.full(len(failed), top), "x", color=colour, markersize=7, clip_on=False, zorder=6)
-    crosses[0].set_in_layout(False)
+    failures(panel, at[np.isnan(errors)], top, colour)
 
 
 def _time_limits(records: Sequence[Record]) -> tuple[float, float]:
@@ -265,10 +260,7 @@ def _time_limits(records: Sequence[Record]) -> tuple[float, float]:
 
 def _legend(figure: Figure, records: Sequence[Record], style: LineStyle) -> None:
     """Each route by its colour, then each kind of curve and of point by its marker."""
-    routes = [_route_handle(name, colour, style.beneath(name)) for name, colour in style.colours.items()]
-    marks = [
-        Line2D([], [], color=INK, marker=m, markersize=5, linewidth=0, label=name) for name, m in style.markers.items()
-    ]
+    routes, marks = _handles(style)
     marks += [
         Line2D([], [], color=INK, marker="o", markersize=5.5, linewidth=0, label="to a tolerance"),
         Line2D([], [], color=INK, marker="o", markersize=5, linewidth=0, markerfacecolor="white", label=TOO_GOOD),
@@ -278,6 +270,15 @@ def _legend(figure: Figure, records: Sequence[Record], style: LineStyle) -> None
     figure.legend(
         handles=[*routes, *marks], loc="outside lower left", ncols=5, frameon=False, fontsize=9.5, labelcolor=INK
     )
+
+
+def _handles(style: LineStyle) -> tuple[list[Line2D], list[Line2D]]:
+    """What stands in a legend for the routes, and for the kinds of curves."""
+    routes = [_route_handle(name, colour, style.beneath(name)) for name, colour in style.colours.items()]
+    marks = [
+        Line2D([], [], color=INK, marker=m, markersize=5, linewidth=0, label=name) for name, m in style.markers.items()
+    ]
+    return routes, marks
 
 
 def _route_handle(name: str, colour: str, beneath: int) -> Line2D:

@@ -147,8 +147,12 @@ def _draw_line(panel: Axes, records: Sequence[Record], colour: str, top: float) 
     joined = front(at, errors)
     panel.plot(at[joined], errors[joined], color=colour, linewidth=1.2, alpha=0.7, zorder=2)
     panel.plot(at, errors, "o", color=colour, markersize=4.5, markeredgecolor="white", markeredgewidth=0.5, zorder=3)
-    failed = at[np.isnan(errors)]
-    crosses = panel.plot(failed, np.full(len(failed), top), "x", color=colour, markersize=7, clip_on=False, zorder=4)
+    failures(panel, at[np.isnan(errors)], top, colour)
+
+
+def failures(panel: Axes, times: np.ndarray, top: float, colour: str) -> None:
+    """Crosses on the top edge at the times that failures took."""
+    crosses = panel.plot(times, np.full(len(times), top), "x", color=colour, markersize=7, clip_on=False, zorder=6)
     crosses[0].set_in_layout(False)
 
 

@@ -9,7 +9,7 @@ but the instructions have to be read first.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from threading import Lock
 from typing import Any, Literal
@@ -294,6 +294,11 @@ class _Instructions:
 def in_columns(count: int, *numbers: np.ndarray) -> list[np.ndarray]:
     """What is the same at ``count`` points, as CasADi's functions take it: arrays (k,) as (k, count)."""
     return [np.repeat(v[:, None], count, axis=1) for v in numbers]
+
+
+def in_shape(columns: Iterable[Any], shape: tuple[int, ...]) -> list[np.ndarray]:
+    """What :data:`Columns` give, in one ``shape``: what does not depend on the place comes as one number."""
+    return [np.broadcast_to(np.asarray(c, dtype=float), shape) for c in columns]
 
 
 def _nonzeros(function: ca.Function) -> list[int]:

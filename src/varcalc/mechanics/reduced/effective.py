@@ -6,11 +6,10 @@ the coordinate u; the time and the angles are integrals over τ.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,7 +19,7 @@ from varcalc.mechanics.reduced.routh import OneCoordinate
 from varcalc.numerics.one_coordinate.motions import MotionPoint
 from varcalc.numerics.one_coordinate.potential import Potential
 from varcalc.symbolic.differences import carry, displaced
-from varcalc.symbolic.evaluation import Columns, PointEvaluator
+from varcalc.symbolic.evaluation import Columns, PointEvaluator, in_shape
 from varcalc.symbolic.places import places
 from varcalc.symbolic.switches import switches
 from varcalc.symbolic.variation import gentle_boxes
@@ -59,27 +58,23 @@ class EffectivePotential(Potential):
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`Potential.at`."""
-        g, slope = self._shaped(self._parts.values(u), np.shape(u))
+        g, slope = in_shape(self._parts.values(u), np.shape(u))
         return g, slope
 
     def changes(self, base: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`Potential.changes`."""
-        gain, bend = self._shaped(self._parts.changes(base, x), np.shape(x))
+        gain, bend = in_shape(self._parts.changes(base, x), np.shape(x))
         return gain, bend
 
     def weighted(self, point: MotionPoint) -> tuple[np.ndarray, ...]:
         """The time, the angles, and what is averaged over the time, by τ."""
-        time, stretch, place, *rates = self._shaped(self._parts.weights(point.u), np.shape(point.u))
+        time, stretch, place, *rates = in_shape(self._parts.weights(point.u), np.shape(point.u))
         k = len(rates) // 2
         angles = [
             time * steady + stretch * point.w * carried for steady, carried in zip(rates[:k], rates[k:], strict=True)
         ]
         velocity = stretch * point.w / time
         return time, *angles, *(time * function(place, velocity) for function in self.averaged)
-
-    @staticmethod
-    def _shaped(columns: Sequence[Any], shape: tuple[int, ...]) -> list[np.ndarray]:
-        return [np.broadcast_to(np.asarray(c, dtype=float), shape) for c in columns]
 
     @property
     def stops(self) -> np.ndarray:
@@ -98,7 +93,7 @@ class EffectivePotential(Potential):
 
     def place(self, u: np.ndarray) -> np.ndarray:
         """q at u."""
-        return self._shaped(self._parts.weights(u), np.shape(u))[2]
+        return in_shape(self._parts.weights(u), np.shape(u))[2]
 
 
 @dataclass(frozen=True)

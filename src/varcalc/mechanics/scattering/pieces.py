@@ -13,7 +13,7 @@ import numpy as np
 
 from varcalc.numerics.one_coordinate.potential import NOT_FOLLOWED, PLACES, Potential
 from varcalc.symbolic.differences import carry, displaced
-from varcalc.symbolic.evaluation import Columns, PointEvaluator
+from varcalc.symbolic.evaluation import Columns, PointEvaluator, in_shape
 from varcalc.symbolic.intervals import enclosures
 from varcalc.symbolic.places import places
 from varcalc.symbolic.switches import Switch, held, switches
@@ -82,7 +82,7 @@ class RadialPiece:
 
     def values(self, r: np.ndarray) -> list[np.ndarray]:
         """U and r U' at ``r``, in its shape."""
-        return _shaped(self._values(r), np.shape(r))
+        return in_shape(self._values(r), np.shape(r))
 
     def curvature(self, r: float) -> float:
         """r (r U')' at ``r``: the second derivative of U by ln r."""
@@ -96,7 +96,7 @@ class RadialPiece:
         """
         far = np.all(x > DIGITS_KEPT * base, axis=0)
         if not np.any(far):
-            return _shaped(self._changes(base, x), np.shape(x))
+            return in_shape(self._changes(base, x), np.shape(x))
         found = [np.empty(np.shape(x)) for _ in range(4)]
         if not np.all(far):
             for out, part in zip(found, self._changes(base, x[..., ~far]), strict=True):
@@ -118,11 +118,6 @@ class RadialPiece:
         size = np.broadcast_to(np.maximum(np.abs(low), np.abs(high)), (len(edges) - 1,))
         felt = np.flatnonzero(size > negligible)
         return edges[felt[0] : felt[-1] + 2] if len(felt) else edges[:0]
-
-
-def _shaped(columns: list[Any], shape: tuple[int, ...]) -> list[np.ndarray]:
-    """Columns in ``shape``: what does not depend on the place comes as one number."""
-    return [np.broadcast_to(np.asarray(c, dtype=float), shape) for c in columns]
 
 
 @dataclass(frozen=True)
