@@ -201,7 +201,7 @@ def _by_convexity(solution: Solution, told: Told) -> Certificate:
 
 def _proof(solution: Solution, told: Told) -> Certificate:
     """The certificate of a solution's curve, polished, in coordinates in which it is regular."""
-    if any(isinstance(c, Bound) for c in solution.problem.constraints):
+    if any(solution.problem.of_type(Bound)):
         return _within_bounds(solution, told)
     kinked = kinks(solution)
     if kinked is not None:

@@ -33,7 +33,7 @@ def pinned(solution: Solution) -> tuple[Curve, Callable[[Any], np.ndarray]] | No
     problem = solution.problem
     if not isinstance(problem, Curve) or problem.symbols.kind is not ca.SX or solution.curve is None:
         return None
-    if problem.end_cost is not None or any(isinstance(c, Through) for c in problem.constraints):
+    if problem.end_cost is not None or any(problem.of_type(Through)):
         return None
     y = problem.symbols.y
     phis = [problem.traced_slide(label, problem.symbols.x, y, ca.SX) for label in ("start", "end")]

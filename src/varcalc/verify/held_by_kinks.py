@@ -75,7 +75,7 @@ def released(solution: Solution, crossing: Crossing) -> Release | None:
     something else may hold the curve as well.
     """
     problem, until = solution.problem, crossing.until
-    if solution.curve is None or until is None or any(isinstance(c, Holonomic) for c in problem.constraints):
+    if solution.curve is None or until is None or any(problem.of_type(Holonomic)):
         return None
     edges = np.linspace(crossing.x, until, PARTS + 1)
     x, weights = composite_gauss(edges, POINTS_A_PART)
@@ -181,7 +181,7 @@ class _Sides:
 
     def beside_bound(self) -> bool:
         """Whether a bound may press the curve."""
-        held = [c for c in self.problem.constraints if isinstance(c, Bound)]
+        held = [*self.problem.of_type(Bound)]
         if not held:
             return False
         along = np.asarray(bounds(self.problem)(*self._at(self._on)))

@@ -235,7 +235,7 @@ class SlopeFan:
         The excess of a step there is half its square times the curvature.
         """
         problem = solution.problem
-        if _functions(problem).quadratic and not any(isinstance(c, Bound) for c in problem.constraints):
+        if _functions(problem).quadratic and not any(problem.of_type(Bound)):
             own = cls(solution, x, np.zeros(1))
             if np.isfinite(own.values).all() and np.all(own.curvature >= 0.0):
                 return own
@@ -261,7 +261,7 @@ class SlopeFan:
         weights = sign * np.array([1.0, *(-float(m) for m in levels)])
         total = np.einsum("r,r...->...", weights, rows[: len(weights)])
         allowed = np.ones((n, places, count), dtype=bool)
-        bounds = [c for c in problem.constraints if isinstance(c, Bound)]
+        bounds = [*problem.of_type(Bound)]
         for bound, row in zip(bounds, rows[len(weights) :, 0], strict=True):
             low, high = bound.interval
             own = row[:, :, [count // 2]]

@@ -186,7 +186,7 @@ def statement(problem: Functional) -> Iterator[Fact]:
         for label in ("start", "end"):
             yield _fact(label, *(w.end(label) for w in both))
     yield from _several("condition", [_fact("", *(w.condition(t) for w in both)) for t in problem.traced])
-    through = [c for c in problem.constraints if isinstance(c, Through)]
+    through = [*problem.of_type(Through)]
     yield from _several(
         "waypoint", [_fact("", *(w.values(f"({c.x:g})", components("", c.y)) for w in both)) for c in through]
     )
