@@ -613,3 +613,15 @@ def test_it_is_told_whether_starting_curves_were_left() -> None:
     assert not solved.stats.more_starts
     beyond = vc.Problem(oscillator, vc.Fixed(0, 0), vc.Fixed(4, 1))
     assert vc.solve(beyond, vc.Ritz(starts=1), throw=False).stats.more_starts
+
+
+def test_a_functional_without_the_slope_is_least_where_its_integrand_is():
+    solution = vc.solve(vc.Problem(lambda x, y, v: y**2 + x * y, vc.Free(0), vc.Free(1)))
+    assert solution.value == pytest.approx(-1 / 12, abs=1e-14)
+    assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
+    logarithm = vc.solve(vc.Problem(lambda x, y, v: ca.exp(y) - x * y, vc.Free(1), vc.Free(2)))
+    x = np.linspace(1, 2, 9)
+    assert np.ravel(logarithm.y(x)) == pytest.approx(np.log(x), abs=1e-7)
+    assert vc.verify(logarithm).verdict is vc.Verdict.MINIMUM
+    with pytest.raises(vc.VariationalError, match="does not contain the slope"):
+        vc.solve(vc.Problem(lambda x, y, v: (y**2 - 1) ** 2 + (x - 0.5) * y, vc.Free(0), vc.Free(1)))

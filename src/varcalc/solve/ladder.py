@@ -263,10 +263,15 @@ def _hopeless(problem: Functional, method: Method) -> Solution | None:
 
 
 def _linear(problem: Functional, method: Method) -> Solution | None:
-    """A refusal when a first-order Lagrangian is linear in the slope, in which case nothing in it fixes a curve."""
+    """A refusal when a first-order Lagrangian is linear in the slope, in which case nothing in it fixes a curve.
+
+    One without the slope that is convex does: by where it is least at each abscissa.
+    """
     if not isinstance(problem, Problem) or problem.order != 1 or problem.constraints or not problem.linear:
         return None
     depends = ca.depends_on(problem.integrand, problem.symbols.dy)
+    if not depends and proved_jointly_convex(problem):
+        return None
     message = f"the Lagrangian {'is linear in' if depends else 'does not contain'} the slope: "
     message += "nothing in it fixes a curve between these ends"
     return no_answer(problem, method, Status.REFUSED, message, Verdict.SINGULAR)

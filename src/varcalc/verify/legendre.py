@@ -74,7 +74,13 @@ class LegendreCondition(Check[Legendre]):
         if math.isnan(least):
             yield Finding(None, "Legendre's condition was not tested: bounds are touched all along the curve")
         elif measured.vanishes:
-            yield Finding(Verdict.SINGULAR, f"{name} vanishes along the curve: nothing in L fixes a curve", numbers)
+            without = not ca.depends_on(problem.integrand, problem.symbols.slopes[-1])
+            if without and candidate.measured(Convexity()):
+                sentence = "L does not contain the slope, and is least at each abscissa by itself"
+                yield Finding(None, sentence, numbers)
+            else:
+                sentence = f"{name} vanishes along the curve: nothing in L fixes a curve"
+                yield Finding(Verdict.SINGULAR, sentence, numbers)
         elif not measured.holds:
             sentence = (
                 f"Legendre's condition fails: {name} is {-least if problem.maximise else least:.6g} at {at:.6g}, so "

@@ -96,19 +96,25 @@ def residual(along: AlongCurve, singular: bool = False) -> float:
         fitted = powers @ np.linalg.lstsq(powers * root, total[inside] * root, rcond=None)[0]
         worst = max(worst, float(np.abs(total[inside] - fitted).max()))
     # terms that are what is left when larger ones cancel say nothing, however they compare with one another
-    cancelled = FAINT * float(along.function(felt(along))(nodes)[0].max())
+    momentum, pull = along.function(felt(along), felt(along, s.y))(nodes)
+    # without the slope L_y = 0 is all of the equation, and what cancels in it are its terms
+    share = FAINT if ca.depends_on(H, ca.vertcat(*s.slopes)) else 1.0
+    cancelled = max(FAINT * float(momentum.max()), share * along.length * float(pull.max()))
     # a function the Lagrangian hardly feels is measured by those it does feel
     extent = float(np.abs(along.evaluate(nodes, 0)).max()) or along.length
     faint = FAINT * float(np.abs(whole).max()) * along.length**along.order / extent
     return worst / max(float(size.max()), faint, cancelled, 1e-300)
 
 
-def felt(along: AlongCurve) -> Expression:
-    """What the momentum would be made of if nothing cancelled: the sum of abs(H_y'y y) and abs(H_y'y' y'), (n,)."""
+def felt(along: AlongCurve, variable: Expression | None = None) -> Expression:
+    """What the momentum would be made of if nothing cancelled: the sum of abs(H_y'y y) and abs(H_y'y' y'), (n,).
+
+    With a ``variable``, such as y, the same of the derivative by that.
+    """
     s = along.symbols
     variables = ca.vertcat(s.y, *s.slopes)
-    momentum = ca.gradient(along.whole.expression, s.slopes[-1])
-    return ca.mtimes(ca.fabs(ca.jacobian(momentum, variables)), ca.fabs(variables))
+    derivative = ca.gradient(along.whole.expression, s.slopes[-1] if variable is None else variable)
+    return ca.mtimes(ca.fabs(ca.jacobian(derivative, variables)), ca.fabs(variables))
 
 
 def _free(along: AlongCurve, held: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
