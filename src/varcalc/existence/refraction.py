@@ -88,8 +88,23 @@ def _with_crossings(
     if marks and guess is not None:
         solution, met = _as_polygon(problem, method, tol, guess, marks)
         return solution if solution is not None or not met else _none_stands(problem, method, met)
-    if (solution := _clear_of_bounds(problem, method, tol, guess)) is not None:
-        return solution
+    if not any(problem.of_type(Bound)):
+        return _as_rounded(problem, method, tol, guess)
+    from varcalc.existence.under_bounds import least_under_bounds  # few curves are of this kind
+
+    known = least_under_bounds(problem, method, tol, guess)
+    if known.solution is not None:
+        return known.solution
+    solution = _clear_of_bounds(problem, method, tol, guess) or _as_rounded(problem, method, tol, guess)
+    if solution is not None and solution.status.ok and not known.admits(solution):
+        return no_answer(
+            problem, method, Status.NOT_CONVERGED, "a polygon is lower than every broken curve that was found"
+        )
+    return solution
+
+
+def _as_rounded(problem: Problem, method: Ritz, tol: float, guess: Sampled | None) -> Solution | None:
+    """The minimum that meets switches as a rounded one does; the same for what is no such L."""
     about = rounded(problem, guess)
     if about is None:  # rounding off the greater of two convex branches may leave nothing convex
         form = formulate(problem)

@@ -62,6 +62,8 @@ INWARDS = 1e-9
 """Distance from the ends of a rest, in units of its length, of the first and the last place of it."""
 ASIDE = 1e-7
 """Slope, in units of 1 and the curve's, at which the momenta on the sides of a kink are taken."""
+STEPS_ONTO_SURFACE = 8
+"""Of Newton's method, to the ordinates of a surface along a contact."""
 SAME_SLOPE = 1e-9
 """By how much slopes that are the same differ by round-off."""
 WAYS_SUMMED, POINTS_OF_REST = 8, 12
@@ -79,12 +81,21 @@ def with_rests(
     problem: Problem, method: Ritz, tol: float, curve: CurveOrSlope, found: Sequence[Crossing]
 ) -> Solution | None:
     """The minimum that rests and crosses as a ``curve`` does, nearly; None where none counts."""
-    if not _treated(problem):
+    if not treated(problem):
         return None
-    form, surfaces, guess, way = formulate(problem), _Surfaces(problem), curve, method
+    surfaces = Surfaces(problem)
+    return at_contacts(surfaces, method, tol, curve, surfaces.contacts(curve, found))
+
+
+def at_contacts(
+    surfaces: Surfaces, method: Ritz, tol: float, curve: CurveOrSlope, found: Sequence[Contact]
+) -> Solution | None:
+    """The minimum with contacts like those ``found`` along a ``curve``, nearly; None where none counts."""
+    problem, guess, way = surfaces.problem, curve, method
+    form = formulate(problem)
     if method.optimiser is None:
         way = replace(method, optimiser=Ipopt(iterations=STEPS_ALONG_KINKS))
-    contacts = _apart(surfaces, surfaces.contacts(guess, found))
+    contacts = _apart(surfaces, found)
     for _ in range(ROUNDS_OF_RESTS):
         ways = None if contacts is None else _ways(problem, contacts)
         if contacts is None or not ways or len(contacts) > MOST_CONTACTS:
@@ -117,10 +128,10 @@ def with_rests(
 
 def along_jumps(problem: Problem, curve: CurveOrSlope) -> bool:
     """Whether a curve runs along a jump of its place, as along a wall."""
-    return _treated(problem) and _Surfaces(problem).runs_along_jumps(curve)
+    return treated(problem) and Surfaces(problem).runs_along_jumps(curve)
 
 
-def _treated(problem: Problem) -> bool:
+def treated(problem: Problem) -> bool:
     """Whether a graph of one function is under nothing but bounds."""
     if not (problem.n == problem.order == 1) or problem.unknowns or formulate(problem).stated.is_lifted:
         return False
@@ -135,7 +146,7 @@ def _ways(problem: Problem, contacts: Sequence[Contact]) -> list[Way]:
     return [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if a < b]
 
 
-def _apart(surfaces: _Surfaces, contacts: Sequence[Contact]) -> list[Contact] | None:
+def _apart(surfaces: Surfaces, contacts: Sequence[Contact]) -> list[Contact] | None:
     """The contacts, those that overlap as one; None where they cannot be.
 
     What is at rest where it meets a surface of the place is at rest on that, if it has the slope of it. What is held at
@@ -184,7 +195,7 @@ def _beside(
     return before, after
 
 
-def _moving(form: Form, surfaces: _Surfaces, pieces: Sequence[Expression], contacts: Sequence[Contact]) -> Form | None:
+def _moving(form: Form, surfaces: Surfaces, pieces: Sequence[Expression], contacts: Sequence[Contact]) -> Form | None:
     """The form with L on each way one of ``pieces``, which changes half way along contacts, and the surfaces.
 
     Along a contact to which the curve comes through it, or which it leaves so, L is that of the contact's own side.
@@ -199,17 +210,20 @@ def _moving(form: Form, surfaces: _Surfaces, pieces: Sequence[Expression], conta
         if any(c.through):
             changes.append((c.start, surfaces.held_along(c)))
         if after is not None and (any(c.through) or c.start > problem.span[0]):
-            changes.append((c.end if any(c.through) else 0.5 * (c.start + c.end), after))
+            before = _beside(problem, contacts, c, pieces)[0]
+            changes.append((c.end if any(c.through) else surfaces.changing(c, before, after), after))
     integrand = pieces[0]
     for place, piece in changes:
         integrand = ca.if_else(s.x < place, integrand, piece)
     integrand = problem.sign * integrand
     coordinates = replace(form.coordinates, stated=Stated(s, integrand, integrand), numbers=None)
-    conditions = replace(form.conditions, pathwise=surfaces.conditions)
+    within = [place for c in contacts for place, _ in changes if c.start < place < c.end]
+    knots = {*form.conditions.knots, *within}
+    conditions = replace(form.conditions, pathwise=surfaces.conditions, knots=tuple(sorted(knots)))
     return replace(form, coordinates=coordinates, conditions=conditions, cache=Cache(), elsewhere=None)
 
 
-class _Surfaces:
+class Surfaces:
     """The kinks that a curve may meet, and the bounds it may touch, with the numbers that contacts have for them."""
 
     def __init__(self, problem: Problem) -> None:
@@ -225,11 +239,11 @@ class _Surfaces:
         self.conditions: tuple[SideCondition, ...] = (*kinks, *bounds)
         arguments = ca.vertcat(*(c.expression for c in self.conditions))
         self._values = ca.Function("surfaces", s.all, [ca.densify(arguments)])
-        self._steep = {c.index: bool(ca.depends_on(c.expression, s.dy)) for c in self.conditions}
+        self.slopes = {c.index: bool(ca.depends_on(c.expression, s.dy)) for c in self.conditions}
 
     def steep(self, contact: Contact) -> bool:
         """Whether what is met feels the slope."""
-        return self._steep[contact.index]
+        return self.slopes[contact.index]
 
     def alike(self, steep: Contact, place: Contact) -> bool:
         """Whether what is on a surface of the place has the slope at which another contact holds it."""
@@ -253,6 +267,31 @@ class _Surfaces:
         sides = (None if side is None else side[number] for side in (before, after)) if along else (None, None)
         first, last = (side is not None and bool(side * contact.level < 0) for side in sides)
         return replace(contact, through=(first, last))
+
+    def changing(self, contact: Contact, before: Expression | None, after: Expression) -> float:
+        """Where along a contact L changes from what it is before it to what it is after: where both are the same.
+
+        Along a bound of the place a curve may go through a kink, as friction does on the tip of a spike.
+        """
+        problem, s, middle = self.problem, self.problem.symbols, 0.5 * (contact.start + contact.end)
+        if before is None or self.steep(contact) or contact.start == contact.end:
+            return middle
+        surface = self.condition(contact).expression
+        slope = -ca.gradient(surface, s.x) / ca.gradient(surface, s.y)
+        apart = ca.Function("apart", s.all, [ca.substitute(before - after, s.dy, slope)])
+        onto = ca.Function("onto", s.all, [s.y - (surface - contact.level) / ca.gradient(surface, s.y)])
+        x = np.linspace(contact.start, contact.end, PLACES_OF_WAY)[None]
+        none, still = np.zeros((0, x.shape[1])), np.zeros_like(x)
+        numbers = np.tile(problem.parameter_values[:, None], x.shape)
+        y = np.full_like(x, ordinate_at(formulate(problem), surface, replace(contact, start=middle)))
+        for _ in range(STEPS_ONTO_SURFACE):
+            y = np.asarray(onto(x, y, still, none, numbers, none))
+        differ = np.asarray(apart(x, y, still, none, numbers, none)).ravel()
+        at = np.flatnonzero(differ[:-1] * differ[1:] <= 0)
+        if not len(at) or not np.abs(differ).max() > 0:
+            return middle
+        k, (first, last) = at[0], differ[[at[0], at[0] + 1]]
+        return float(x[0, k] + (x[0, k + 1] - x[0, k]) * (first / (first - last) if first != last else 0.5))
 
     def held_along(self, contact: Contact) -> Expression:
         """L on the side of each kink on which a curve is half way along a contact with a surface of the place."""
@@ -323,7 +362,7 @@ class _Surfaces:
             if number is None:
                 continue
             index = first + number
-            held = c.until is None and self._steep[index]
+            held = c.until is None and self.slopes[index]
             half = 0.5 * self._time_across(curve, c.x) if held else 0.0
             stretches = [(o.x, o.until) for o in found if o.switch is c.switch and o.until is not None]
             if held and (half == 0 or any(a - SETS_OUT * half <= c.x <= b + SETS_OUT * half for a, b in stretches)):
@@ -333,7 +372,7 @@ class _Surfaces:
         values = self.values(curve, x)
         met += self._along_jumps(x, values)
         for condition, row in zip(self.conditions[len(self.switches) :], values[len(self.switches) :], strict=True):
-            room = AT_BOUND[self._steep[condition.index]] * max(float(np.ptp(row)), 1e-300)
+            room = AT_BOUND[self.slopes[condition.index]] * max(float(np.ptp(row)), 1e-300)
             for level, excess in self._beyond(condition, row):
                 near = np.flatnonzero(excess >= -room)
                 for run in np.split(near, 1 + np.flatnonzero(np.diff(near) > 1)) if len(near) else ():
@@ -348,7 +387,7 @@ class _Surfaces:
     def _along_jumps(self, x: np.ndarray, values: np.ndarray) -> Iterator[Contact]:
         """Contacts where a curve runs along a jump of its place, on the side on which it does: as at a bound."""
         for switch, condition, row in zip(self.switches, self.conditions, values, strict=False):
-            if not switch.jumps or self._steep[condition.index] or switch.stepped:
+            if not switch.jumps or self.slopes[condition.index] or switch.stepped:
                 continue
             size = float(np.abs(row[np.isfinite(row)]).max(initial=0.0))
             near = np.flatnonzero(np.abs(row) <= ALONG_JUMP * size)
@@ -399,13 +438,14 @@ class _Surfaces:
         yield from self._with_others(contacts, others)
 
     def within_bounds(self, curve: CurveOrSlope, vertices: np.ndarray) -> bool:
-        """Whether a curve keeps all bounds on each of the ways between ``vertices``."""
-        for way in pairwise(vertices.tolist()):
-            values = self.values(curve, np.linspace(*way, PLACES_OF_WAY)[1:-1])
-            for k, condition in enumerate(self.conditions[len(self.switches) :], len(self.switches)):
-                room = STRAYING * float(np.abs(values[k]).max())
-                if any((excess > room).any() for _, excess in self._beyond(condition, values[k])):
-                    return False
+        """Whether a curve keeps all bounds on the ways between ``vertices``, to a part of what they are along it."""
+        low, high = vertices[:-1, None], vertices[1:, None]
+        x = (low + (high - low) * np.linspace(0, 1, PLACES_OF_WAY)[1:-1]).ravel()
+        values = self.values(curve, x)[len(self.switches) :]
+        for condition, row in zip(self.conditions[len(self.switches) :], values, strict=True):
+            room = STRAYING * float(np.abs(row).max())
+            if any((excess > room).any() for _, excess in self._beyond(condition, row)):
+                return False
         return True
 
     @staticmethod
@@ -425,7 +465,7 @@ class _Surfaces:
                 continue
             beside = [k for k, c in enumerate(known) if other.start == c.end or other.end == c.start]
             if not beside:
-                crossing = not self._steep[other.index] and other.index >= len(self.problem.constraints)
+                crossing = not self.slopes[other.index] and other.index >= len(self.problem.constraints)
                 ends = [(other.start,) * 2, (other.end,) * 2] if crossing else [(other.start, other.end)]
                 known += [replace(other, start=a, end=b) for a, b in ends]
                 continue

@@ -134,8 +134,11 @@ def _kinks(form: Form) -> _Kinks | None:
     moving = ca.vertcat(symbols.y, symbols.dy, symbols.ddy)
     every = (w for w in switches([form.integrand], symbols.all) if w.depends_on(moving))
     found = [w for w in joined([form.integrand], symbols.all, every) if not w.smooth]
-    everything = [*symbols.all, *([] if form.ends.joint is None else form.ends.joint.places)]
-    if len(found) > MOST_KINKS or any(w.jumps or w.stepped for w in found) or switches(asked, everything):
+    places = [] if form.ends.joint is None else form.ends.joint.places
+    # what switches at abscissae does so between the elements
+    curve = ca.vertcat(moving, *places, symbols.unknowns)
+    asked_switching = any(w.depends_on(curve) for w in switches(asked, [*symbols.all, *places]))
+    if len(found) > MOST_KINKS or any(w.jumps or w.stepped for w in found) or asked_switching:
         return None
     kinks = [w.argument for w in found]
     tops: list[Expression] = []

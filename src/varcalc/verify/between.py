@@ -16,7 +16,7 @@ import numpy as np
 from varcalc.formulation import formulate
 from varcalc.methods.answer import Extremal, functional, functional_value, lifted, sample
 from varcalc.numerics.mesh import composite_gauss
-from varcalc.problem.breaks import bounds, integrals
+from varcalc.problem.breaks import bounds, breaks, integrals
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -142,10 +142,12 @@ def _finely(solution: Solution) -> Extremal | None:
     if not plain or solution.curve is None or problem.symbols.kind is not ca.SX or not solution.status.ok:
         return None
     known = stated(solution, form)
+    # what was found without its bounds is on a mesh that does not know where these have kinks
+    vertices = np.union1d(known.vertices, breaks(problem))
     # a method looks at as many points of an element as its degree
     parts = max(1, -(-solution.stats.degree // LEAST_BOXES))
-    inner = known.vertices[:-1, None] + np.diff(known.vertices)[:, None] * (np.arange(parts) / parts)
-    return replace(known, vertices=np.append(inner.ravel(), known.vertices[-1]))
+    inner = vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(parts) / parts)
+    return replace(known, vertices=np.append(inner.ravel(), vertices[-1]))
 
 
 def of_powers_alone(solution: Solution) -> bool:

@@ -252,6 +252,9 @@ class Ritz(Brief):
             if (form := stated(contacts)) is None:
                 return known
             solution = _Climb(way, at_bounds(form, contacts, vertices), nearly).run(guess)
+            if vertices and not solution.status.ok:  # the mesh that is known may be none for this
+                afresh = replace(way, degree=None)
+                solution = _Climb(afresh, at_bounds(form, contacts), nearly).run(guess)
             # ends that are off may leave a curve between them that no polynomial holds
             off = (
                 nearly > tol

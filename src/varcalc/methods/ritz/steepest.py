@@ -45,8 +45,10 @@ UNCHANGED = 1e-3
 """Change over the room beside an end, of what it misses there, that is none."""
 PLACES_BESIDE = (np.arange(16) + 0.5) / 16
 """Where it is seen, in units of that room, what it does mostly."""
-LEAST_LENGTH = 1e-6
-"""Length of a stretch, or of what lies between two, in units of the interval, that is none."""
+FAR_OFF = 1e3
+"""How far beside a stretch at a bound of the place, in units of its length, nothing tells of its end, as on a tip."""
+LEAST_LENGTH, LEAST_ON_TIP = 1e-6, 1e-10
+"""Length of a stretch, in units of the interval, that is none; the same of one at a bound of the place."""
 
 
 def steep(form: Form) -> bool:
@@ -110,12 +112,17 @@ def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[C
     for k, contact in enumerate(contacts):
         before, after = contact.start - places[2 * k], places[2 * k + 3] - contact.end
         expression, level = asked[contact.index], contact.level
+        if contact.start == contact.end and contact.start in form.conditions.knots:
+            # what holds the curve, or L, has a kink there whatever the curve
+            ends.append((contact.start, contact.end))
+            continue
         if contact.start == contact.end:
             ends.append((_refracted(form, expression, contact.start, before, after, solution.curve),) * 2)
             continue
         curve, length = solution.curve, contact.end - contact.start
+        far = math.inf
         if not ca.depends_on(expression, form.symbols.dy):
-            expression, level = _pace(form, expression), 0.0
+            expression, level, far = _pace(form, expression), 0.0, FAR_OFF * length
         along, moves = _along(form, expression), list[float]()
         sides = ((contact.start, -before, (before, length)), (contact.end, after, (length, after)))
         free_sides = (True, False), (False, True)
@@ -123,16 +130,19 @@ def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[C
             if through:
                 moves.append(_refracted(form, asked[contact.index], end, *rooms, curve, free) - end)
             else:
-                moves.append(_set_out(form, along, level, end, room, length, curve) if room else 0.0)
+                near = math.copysign(min(abs(room), far), room)
+                moves.append(_set_out(form, along, level, end, near, length, curve) if room else 0.0)
         # what is far too long is seen less well than where it should be
         most = SHORTENED * (contact.end - contact.start)
         ends.append((contact.start + min(moves[0], most), contact.end + max(moves[1], -most)))
-    least = LEAST_LENGTH * (form.span[1] - form.span[0])
+    # along the tip of a narrow spike a stretch is far shorter than any that friction holds
+    narrow = [not ca.depends_on(asked[c.index], form.symbols.dy) for c in contacts]
+    least = [(LEAST_ON_TIP if tip else LEAST_LENGTH) * (form.span[1] - form.span[0]) for tip in narrow]
     clipped = [(max(a, form.span[0]), min(b, form.span[1])) for a, b in ends]
     return [
         replace(c, start=a, end=b)
-        for c, (a, b) in zip(contacts, clipped, strict=True)
-        if b - a > least or c.start == c.end
+        for c, (a, b), shortest in zip(contacts, clipped, least, strict=True)
+        if b - a > shortest or c.start == c.end
     ]
 
 
@@ -229,12 +239,19 @@ def kept_vertices(contacts: Sequence[Contact], following: Sequence[Contact], sol
 
 
 def shift(form: Form, before: Sequence[Contact], after: Sequence[Contact]) -> float:
-    """How far the ends of contacts were moved, in units of the interval; infinite where one vanished or two met."""
+    """How far the ends of contacts were moved, in units of the interval; infinite where one vanished or two met.
+
+    Those of a stretch that is far shorter, as beside a tip, in units of what is near it.
+    """
     met = any(not a.end < b.start for a, b in pairwise(after))
     if len(before) != len(after) or met:
         return math.inf
-    shifts = [max(abs(a.start - b.start), abs(a.end - b.end)) for a, b in zip(before, after, strict=True)]
-    return max(shifts, default=0.0) / (form.span[1] - form.span[0])
+    whole = form.span[1] - form.span[0]
+    placed = {c.index for c in form.conditions.pathwise if not ca.depends_on(c.expression, form.symbols.dy)}
+    narrow = [c.index in placed and c.start < c.end for c in after]
+    units = [min(whole, FAR_OFF * (c.end - c.start)) if tip else whole for c, tip in zip(after, narrow, strict=True)]
+    moves = [max(abs(a.start - b.start), abs(a.end - b.end)) for a, b in zip(before, after, strict=True)]
+    return max((move / unit for move, unit in zip(moves, units, strict=True)), default=0.0)
 
 
 def _set_out(
