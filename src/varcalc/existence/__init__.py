@@ -9,10 +9,12 @@ narrower than any lattice. ``broken_curve`` jumps at the ends, ``upright`` withi
 kinks that may lie anywhere; ``closer_meshes`` sees that nothing lies between the points of what is solved in pieces.
 
 Where L has kinks or jumps: ``refraction``, begun from what ``rounded`` or polygons show and solved ``in_pieces``;
-``rests``, ``held_throughout``, ``held_ends``, ``constant_speed`` and ``above_kinks``; ``total_variation`` of what is
+``rests``, ``held_throughout``, ``held_ends``, ``constant_speed`` and ``above_kinks``; ``under_bounds``, begun from
+``polygons_under_bounds``, where bounds are touched beside convex kinks; ``total_variation`` of what is
 ``linear_between`` kinks, by ``placed_lines`` of ``least_paths`` and ``on_level``.
 
-Where no method had an answer, ``second_look`` asks in turn: ``feasibility`` (levels out of reach), ``falling`` (no
+Before anything is solved ``no_room`` tells of bounds that no curve keeps. Where no method had an answer,
+``second_look`` asks in turn: ``feasibility`` (levels out of reach), ``falling`` (no
 lower bound), ``fading`` (a limit that nothing attains), ``relaxation`` (the convexified problem, begun on
 ``relaxed_polygons`` as well), ``corners`` (placed by the solver, or refining for ever), ``approach`` (concentration,
 Lavrentiev gaps), ``standing`` (saddles that IPOPT ends at under holonomic conditions), ``least_polygons`` (to begin

@@ -16,7 +16,7 @@ from varcalc.existence.approach import outdone
 from varcalc.existence.closer_meshes import CLOSER_MESHES, agree, on_closer_meshes
 from varcalc.existence.constant_speed import at_constant_speed
 from varcalc.existence.fading import attained
-from varcalc.existence.feasibility import explained
+from varcalc.existence.feasibility import contradiction, explained
 from varcalc.existence.global_look import FINE, IN_NARROW, has_lattice, looked_around
 from varcalc.existence.held_throughout import resting
 from varcalc.existence.polygons import Polygon
@@ -30,7 +30,7 @@ from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampl
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.resampled import polynomials
 from varcalc.problem.breaks import breakable, kinks_at_ends, on_curve, switches_of
-from varcalc.problem.conditions import Bound, truth
+from varcalc.problem.conditions import Bound, Isoperimetric, truth
 from varcalc.problem.convexity import proved_jointly_convex, proved_quadratic
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -129,7 +129,9 @@ def solve(
 
 def _found(problem: Functional, method: Method | None, tol: float, guess: Guess, told: Told) -> Solution:
     """The answer of a method or of the ladder, examined; a status that says why where there is none."""
-    solution = _hopeless(problem, method or LADDER[0])
+    solution = _hopeless(problem, method or LADDER[0]) or _without_room(problem, method or LADDER[0])
+    if solution is not None and solution.verdict is Verdict.INFEASIBLE:
+        return solution
     if solution is None and kinks_at_ends(problem):
         from varcalc.existence.held_ends import held_at_an_end  # few problems have kinks there
 
@@ -151,6 +153,22 @@ def _found(problem: Functional, method: Method | None, tol: float, guess: Guess,
         return _examined(problem, method, tol, guess, solution, smooth, told)
     except KeyboardInterrupt as stop:
         raise Interrupted(solution) from stop
+
+
+def _without_room(problem: Functional, method: Method) -> Solution | None:
+    """The refusal where conditions contradict each other, asked before anything is tried that takes long; or None."""
+    if not problem.constraints:
+        return None
+    found = None
+    if any(problem.of_type(Bound)):
+        from varcalc.existence.no_room import no_room  # few problems have bounds
+
+        found = no_room(problem)
+    # what switches leads to many curves, each of which would be held to levels that none can have
+    levels = found is None and breakable(problem) and any(problem.of_type(Isoperimetric))
+    if levels and (contradicted := contradiction(problem)) is not None:
+        found = contradicted.finding
+    return None if found is None else refused(no_answer(problem, method, Status.REFUSED, ""), found)
 
 
 def _with_corners(problem: Functional, method: Method, tol: float) -> Solution | None:
