@@ -3,7 +3,9 @@
 An answer is wrong where an admitted polygon lies lower by more than ten times what it claims, and it is not said to be
 local; where the curve it hands out sums to another value; or where that breaks a bound. Refusals are listed: the
 polygon does not tell which are right. Of other kinds than graphs of one function, such as two functions, levels and
-second order, what IPOPT comes to stands for the polygon.
+second order, what IPOPT comes to stands for the polygon. The kinds "conditioned-graph" and "conditioned" have bounds,
+levels, sliding ends and costs of ends all at once; there the polygons of two meshes tell their own error, and slow
+refusals, of more than two seconds, are counted by themselves.
 
 Run: python benchmarks/mixtures.py FIRST LAST [--kind levelled-pair]
 """
@@ -19,7 +21,10 @@ import click
 import numpy as np
 
 import varcalc as vc
+from campaigns import conditioned_least
 from campaigns.admissible import least_polygon
+from campaigns.conditioned import Conditioned
+from campaigns.conditioned_answer import fault
 from campaigns.kinds import KINDS, Drawn
 from campaigns.least_seen import least_seen
 from campaigns.mixtures import Mixture, mixture
@@ -29,6 +34,10 @@ PANELS, ALIKE, KEPT = 6000, 2e-3, 1e-6
 
 SEEN_TO = 3e-5
 """How nearly what IPOPT comes to is known, relatively."""
+CONDITIONED = "conditioned-graph", "conditioned"
+"""Kinds of graphs of one function, and of others, under bounds, levels and more at once."""
+SLOW = 2.0
+"""Seconds from which a refusal is slow."""
 
 
 def told(number: int) -> tuple[str, str]:
@@ -61,6 +70,25 @@ def told_of_kind(kind: str, number: int) -> tuple[str, str]:
     return ("local" if solution.local else "wrong") if lower else "right", line
 
 
+def told_under_conditions(kind: str, number: int) -> tuple[str, str]:
+    """The same of a functional under bounds, levels and more at once."""
+    given = Conditioned(kind == "conditioned", number)
+    begun = time.process_time()
+    solution = vc.solve(given.problem, throw=False)
+    seconds = time.process_time() - begun
+    known, error, far = conditioned_least.least_seen(given)
+    seen = f"seen {known:.9g} within {error:.0e}{' far out' if far else ''}, {seconds:.2f} s; {given.name}"
+    if not solution.status.ok:
+        outcome = "refused slowly" if seconds > SLOW else "refused"
+        return outcome, f"{seen}: {solution.verdict} {solution.message[:200]}"
+    line = f"{solution.value:.9g}, claimed {solution.error.value:.0e}, {seen}"
+    if broken := fault(given, solution):
+        return "wrong", f"{line} {broken}"
+    room = max(10 * solution.error.value, SEEN_TO * max(1.0, abs(known)))
+    lower = given.sign * (solution.value - known) > room
+    return ("local" if solution.local else "wrong") if lower else "right", line
+
+
 def _fault(given: Mixture, solution: vc.Solution) -> str:
     """In what an answer's curve is not what is said of it; empty where it is."""
     nodes, weights = np.polynomial.legendre.leggauss(3)
@@ -76,16 +104,22 @@ def _fault(given: Mixture, solution: vc.Solution) -> str:
     return "" if abs(own - solution.value) <= ALIKE * max(1.0, abs(own)) else f"sums to {own:.6g}"
 
 
+def _told(kind: str | None, number: int) -> tuple[str, str]:
+    if kind is None:
+        return told(number)
+    return told_under_conditions(kind, number) if kind in CONDITIONED else told_of_kind(kind, number)
+
+
 @click.command()
 @click.argument("first", type=int)
 @click.argument("last", type=int)
-@click.option("--kind", type=click.Choice(list(KINDS)), help="Another kind than graphs of one function.")
+@click.option("--kind", type=click.Choice([*KINDS, *CONDITIONED]), help="Another kind than graphs of one function.")
 def main(first: int, last: int, kind: str | None) -> None:
     """Try the functionals of these numbers, print all but the right ones; exit 1 when one is wrong."""
     warnings.simplefilter("ignore")
     outcomes: Counter[str] = Counter()
     for number in range(first, last):
-        outcome, line = told(number) if kind is None else told_of_kind(kind, number)
+        outcome, line = _told(kind, number)
         outcomes[outcome] += 1
         if outcome != "right":
             print(f"{number} {outcome}: {line}", flush=True)
