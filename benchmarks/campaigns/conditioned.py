@@ -81,10 +81,13 @@ class Conditioned:
         witness = self.witness = Witness(rng, self.span, self.functions, self.closed)
         self._form, self._numbers = int(rng.integers(7)), np.round(rng.uniform([0.1, -1, 0.3], [1, 1, 1.5]), 3)
         self._terms = [_term(rng) for _ in range(rng.integers(1, 4))]
+        # where ends slide far, or curves are free, little else keeps most functionals above some number
+        self._floor = float(rng.choice([0.0, 1.0], p=[0.25, 0.75]))
         shares = (0.6, 0.25, 0.15) if other else (0.4, 0.25, 0.35)
         self.ends = [self._end(rng, x, shares) for x in (0.0, self.span)]
         self.bounds = [_bound(rng, witness) for _ in range(rng.choice([0, 1, 2], p=[0.3, 0.55, 0.15]))]
-        self.levels = [_level(rng, witness) for _ in range(rng.choice([0, 1, 2], p=[0.5, 0.4, 0.1]))]
+        levelled = rng.permutation(5)[: rng.choice([0, 1, 2], p=[0.5, 0.4, 0.1])].tolist()
+        self.levels = [_level(rng, witness, which) for which in levelled]
         place = round(self.span * rng.uniform(0.3, 0.7), 3)
         self.waypoint = place if other and rng.uniform() < 0.25 else None
         self._cost = _cost(rng, witness) if rng.uniform() < 0.4 and self._moves else None
@@ -125,6 +128,7 @@ class Conditioned:
         """L of columns, in the sense that is minimised."""
         friction, slope, mass = self._numbers.tolist()
         potential = sum(term(x / self.span, y, switches) for term in self._terms)
+        potential = potential + self._floor * (1 + ca.sumsqr(y) / 2)
         first = v[0]
         energy = ca.sumsqr(v) / 2 + (mass - 1) * first**2 / 4
         if self.order == 2:
@@ -229,8 +233,8 @@ def _bound(rng: np.random.Generator, witness: Witness) -> Range:
     return Range(names[which] + (" below", " above", " both ways")[sides], densities[which], lower, upper)
 
 
-def _level(rng: np.random.Generator, witness: Witness) -> Range:
-    """The integral of one density, which the first curve has, or which is to be no more, or no less, than nearly it."""
+def _level(rng: np.random.Generator, witness: Witness, which: int) -> Range:
+    """The integral of one density, by its number: what the first curve has, or no more or no less than nearly that."""
     names = "y", "y squared", "length", "v squared", "x y"
     densities: list[Density] = [
         lambda x, y, v: ca.sum1(y),
@@ -239,12 +243,13 @@ def _level(rng: np.random.Generator, witness: Witness) -> Range:
         lambda x, y, v: ca.sumsqr(v),
         lambda x, y, v: x * y[0],
     ]
-    which, sort, room = int(rng.integers(5)), int(rng.integers(4)), float(np.round(10 ** rng.uniform(-2, -0.3), 3))
+    sort, room = int(rng.integers(4)), float(np.round(10 ** rng.uniform(-2, -0.3), 3))
     values = _along(witness, densities[which])
     value = float(np.trapezoid(values, dx=witness.span / (SAMPLES - 1)))
     # a stretched string has one curve, or none: the first curve is no shortest one where there is room
     least = value + room if names[which] in ("length", "v squared") else value
-    if sort == 0:
+    # at least so long, or so steep, are curves that alternate ever faster: nothing attains their infimum
+    if sort == 0 or (sort == 1 and names[which] in ("length", "v squared")):
         return Range(names[which] + " at most", densities[which], -np.inf, value + room)
     if sort == 1:
         return Range(names[which] + " at least", densities[which], value - room, np.inf)

@@ -6,6 +6,7 @@ rounded off ever less; what that comes to is summed by fine rules as it is state
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -17,8 +18,10 @@ from campaigns.least_seen import _cubic, _straight
 
 PIECES, ROUNDED = (60, 180, 400), (1e-2, 1e-3, 1e-4)
 """Pieces of first order, one mesh after the other (a third of that at second), and how wide switches are rounded."""
-STARTS, FOLLOWED, ITERATIONS = 7, 2, 250
-"""Curves at random, those followed to finer meshes, and IPOPT's iterations."""
+STARTS, FOLLOWED, ITERATIONS, SECONDS = 6, 2, 200, 3.0
+"""Curves at random, those followed to finer meshes, and IPOPT's iterations and seconds for each."""
+SAME = 1e-5
+"""Relative difference of values of one curve."""
 FINE = 12
 """Parts of a piece, of three Gauss points each, by which it is summed in the end."""
 KEPT = 1e-6
@@ -43,19 +46,20 @@ def least_seen(given: Conditioned) -> Seen:
     scale = 1 if given.order == 1 else 3
     meshes = [_Mesh(given, n // scale, rounded) for n, rounded in zip(PIECES, ROUNDED, strict=True)]
     first = [meshes[0].least(_at_random(given, meshes[0].share, rng, number)) for number in range(STARTS)]
-    followed = sorted((f for f in first if f is not None), key=lambda f: f[0])[:FOLLOWED]
+    lowest = sorted((f for f in first if f is not None), key=lambda f: f[0])
+    followed = [f for k, f in enumerate(lowest) if k == 0 or f[0] > lowest[k - 1][0] + SAME * abs(f[0])][:FOLLOWED]
     best = Seen(given.sign * np.inf, np.inf, False)
-    for _, curve in followed:
-        values = []
-        for coarse, mesh in zip(meshes[:-1], meshes[1:], strict=True):
+    for _, start in followed:
+        values, curve = [], start
+        for coarse, mesh in pairwise(meshes):
             found = mesh.least(_between(given, coarse.share, curve, mesh.share))
             if found is None:
                 break
             values.append(found[0])
             curve = found[1]
-        if values and given.sign * best.value > values[-1]:
+        if values and given.sign * best.value > min(values):
             error = abs(values[-1] - values[0]) if len(values) == len(meshes) - 1 else np.inf
-            best = Seen(given.sign * values[-1], error, bool(np.abs(curve[0]).max() > FAR))
+            best = Seen(given.sign * min(values), error, meshes[-1].far(curve))
     return best
 
 
@@ -89,7 +93,8 @@ class _Mesh:
         self._high = np.concatenate([np.full(c.numel(), r.upper) for c, r in both] or [np.zeros(0)])
         unknown = ca.veccat(self._nodes, self._x0, self._x1)
         conditions = ca.veccat(*(c for c, _ in both))
-        options = {"print_time": 0, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "tol": 1e-9}}
+        quiet = {"print_level": 0, "sb": "yes", "max_iter": ITERATIONS, "max_cpu_time": SECONDS, "tol": 1e-9}
+        options = {"print_time": 0, "ipopt": quiet}
         self._solver = ca.nlpsol("least", "ipopt", {"x": unknown, "f": value, "g": conditions}, options)
         self._conditions = ca.Function("conditions", [unknown], [conditions])
         self._lower, self._upper = self._ends(n)
@@ -111,6 +116,13 @@ class _Mesh:
         ends_low = [-width if slides[0] else 0.0, (SHORTEST if slides[1] else 1.0) * width]
         ends_high = [(1 - SHORTEST) * width if slides[0] else 0.0, 2 * width if slides[1] else width]
         return np.concatenate([low.ravel("F"), ends_low]), np.concatenate([high.ravel("F"), ends_high])
+
+    def far(self, curve: Found) -> bool:
+        """Whether a curve is as good as infinitely far out, or its ends as far as they are let go."""
+        ends, size = np.array(curve[1:]), len(self._lower)
+        at_edge = np.isclose(ends, self._lower[-2:]) | np.isclose(ends, self._upper[-2:])
+        slid = self._lower[size - 2 :] < self._upper[size - 2 :]
+        return bool(np.abs(curve[0]).max() > FAR or (at_edge & slid).any())
 
     def _piece(self, densities: Any, points: tuple[float, ...]) -> ca.Function:
         """What ``densities`` are at points of a piece, of its ends and what lies at them: a column for each point."""

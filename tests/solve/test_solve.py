@@ -625,3 +625,13 @@ def test_a_functional_without_the_slope_is_least_where_its_integrand_is():
     assert vc.verify(logarithm).verdict is vc.Verdict.MINIMUM
     with pytest.raises(vc.VariationalError, match="does not contain the slope"):
         vc.solve(vc.Problem(lambda x, y, v: (y**2 - 1) ** 2 + (x - 0.5) * y, vc.Free(0), vc.Free(1)))
+
+
+def test_marks_of_another_valley_are_abscissae_where_an_end_slides() -> None:
+    # the shortest way from the origin to x + y = 4 ends at (2, 2), far from where the end is guessed
+    problem = vc.Problem(arc_length, vc.Fixed(0, 0), vc.OnCurve(lambda x, y: x + y - 4, 1.0))
+    known = vc.solve(problem)
+    again = ladder._beside(1e-10, known)(vc.Ritz(starts=1), np.atleast_2d, (0.7, 1.6))
+    assert again.value == pytest.approx(2 * math.sqrt(2), abs=1e-12)
+    assert again.interval == pytest.approx((0.0, 2.0), abs=1e-7)
+    assert again.extremal.vertices == pytest.approx([0.0, 0.35, 0.8, 1.0], abs=1e-7)

@@ -117,10 +117,11 @@ def _ordinates(solution: Solution, x: np.ndarray) -> np.ndarray:
     return y
 
 
-def looked_around(solution: Solution, polish: Polish, tol: float, *, followed: bool) -> Solution:
+def looked_around(solution: Solution, beside: Callable[[Solution], Polish], tol: float, *, followed: bool) -> Solution:
     """The solution, or a lower one; marked local where something lower is known of that is no solution.
 
-    Where lower valleys are ``followed``, what ``polish`` finds in one is the answer; else it is only told of.
+    Where lower valleys are ``followed``, what is found in one, ``beside`` the curve it was seen from, is the answer;
+    else it is only told of.
     """
     problem = solution.problem
     if proved_jointly_convex(problem):
@@ -134,7 +135,7 @@ def looked_around(solution: Solution, polish: Polish, tol: float, *, followed: b
         return replace(solution, searched=f"other valleys were not looked for: {reason}")
     best, seen = solution, _LookedAt()
     for _ in range(DESCENTS):
-        graph = _is_graph(problem)
+        graph, polish = _is_graph(problem), beside(best)
         # whoever holds the method to one mesh has the answer on that
         one_mesh = isinstance(solution.method, Ritz) and not solution.method.refine
         way = polish if graph or (followed and not one_mesh) else None
@@ -146,7 +147,7 @@ def looked_around(solution: Solution, polish: Polish, tol: float, *, followed: b
             lower = _with_corners(best, tol, seen.alternating) or lower
         if lower is None or not lower.status.ok or lower.local or not followed:
             return _told(best, lower, seen.sentence)
-        best = replace(lower, method=solution.method)
+        best = replace(lower, problem=problem, method=solution.method)
     kind = "maximum" if problem.sign < 0 else "minimum"
     message = f"perhaps a local {kind} only: each of {DESCENTS} looks led to a lower curve, and there may be more"
     return replace(best, local=True, message=message, searched=seen.sentence)

@@ -17,7 +17,7 @@ from varcalc.existence.closer_meshes import CLOSER_MESHES, agree, on_closer_mesh
 from varcalc.existence.constant_speed import at_constant_speed
 from varcalc.existence.fading import attained
 from varcalc.existence.feasibility import contradiction, explained
-from varcalc.existence.global_look import FINE, IN_NARROW, has_lattice, looked_around
+from varcalc.existence.global_look import FINE, IN_NARROW, Polish, has_lattice, looked_around
 from varcalc.existence.held_throughout import resting
 from varcalc.existence.polygons import Polygon
 from varcalc.existence.refraction import meets_switches, refracted, smooth_or_refused, with_what_switches
@@ -202,13 +202,25 @@ def _examined(
     told("other valleys")
     # whoever gives a guess asks for the valley it lies in
     followed = (method is None or isinstance(method, Ritz)) and guess is None
-    return looked_around(solution, partial(_polished, problem, tol), tol, followed=followed)
+    return looked_around(solution, partial(_beside, tol), tol, followed=followed)
 
 
 LADDER: tuple[Ritz, ...] = (Ritz(), Ritz(elements=24, starts=1))
 """The route taken first: the direct method is the cheapest for most single solves, and it alone ends at a
 minimum by construction (see docs/methods.md for the figures). What one element does not lead to, such as a kink on a
 long way, many may."""
+
+
+def _beside(tol: float, known: Solution) -> Polish:
+    """The way to answers next to curves that depart from a known one: ends that slide begin where its own are."""
+    problem, x = known.problem, known.x
+    if isinstance(problem, Problem) and any(problem.slides):
+        start, end = (
+            replace(end, x=float(at)) if end.slides else None
+            for end, at in ((problem.start, x.min()), (problem.end, x.max()))
+        )
+        problem = problem.restated(start=start, end=end)
+    return partial(_polished, problem, tol)
 
 
 def _polished(problem: Functional, tol: float, method: Ritz, start: Sampled, marks: tuple[float, ...] = ()) -> Solution:
@@ -242,7 +254,7 @@ def reconsidered(solution: Solution, method: Method | None, tol: float) -> Solut
         return solution
     if has_lattice(problem):
         followed = method is None or isinstance(method, Ritz)
-        fresh = looked_around(solution, partial(_polished, problem, tol), tol, followed=followed)
+        fresh = looked_around(solution, partial(_beside, tol), tol, followed=followed)
     else:
         fresh = solve(problem, method, tol=tol, throw=False)
     if not fresh.status.ok:
@@ -415,8 +427,11 @@ def _on_its_mesh(problem: Functional, tol: float, extremal: Solution) -> Solutio
 
 def _on_mesh(problem: Functional, method: Ritz, tol: float, start: Sampled, vertices: Sequence[float]) -> Solution:
     """The answer of the direct method from a curve, on elements between ``vertices``."""
-    form = formulate(problem).on_mesh(vertices)
-    solution = _in_form(method, form, tol, start)
+    form = formulate(problem)
+    if form.stated.is_lifted and isinstance(problem, Problem):  # the abscissae of curves with ends that slide
+        vertices = np.interp(vertices, problem.span, form.span).tolist()
+    form = form.on_mesh(vertices)
+    solution = _in_form(method, form, tol, form.coordinates.pull(start))
     return _made_out(_vouched(replace(solution, method=LADDER[0]), None, form, forms(problem)))
 
 
