@@ -89,7 +89,8 @@ class Conditioned:
         levelled = rng.permutation(5)[: rng.choice([0, 1, 2], p=[0.5, 0.4, 0.1])].tolist()
         self.levels = [_level(rng, witness, which) for which in levelled]
         place = round(self.span * rng.uniform(0.3, 0.7), 3)
-        self.waypoint = place if other and rng.uniform() < 0.25 else None
+        slides = any(end.phi for end in self.ends)  # where places inside are none
+        self.waypoint = place if other and not slides and rng.uniform() < 0.25 else None
         self._cost = _cost(rng, witness) if rng.uniform() < 0.4 and self._moves else None
 
     def _end(self, rng: np.random.Generator, x: float, shares: tuple[float, ...]) -> End:

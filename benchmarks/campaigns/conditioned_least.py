@@ -22,8 +22,10 @@ STARTS, FOLLOWED, ITERATIONS, SECONDS = 6, 2, 200, 3.0
 """Curves at random, those followed to finer meshes, and IPOPT's iterations and seconds for each."""
 SAME = 1e-5
 """Relative difference of values of one curve."""
-FINE = 12
-"""Parts of a piece, of three Gauss points each, by which it is summed in the end."""
+FINE, RULES_APART = (12, 17), 3.0
+"""Parts of a piece, of three Gauss points each, by which it is summed in the end, and how often what two rules differ
+by makes it worse: a jump of L lies between points.
+"""
 KEPT = 1e-6
 """How nearly conditions are kept by what counts."""
 SHORTEST = 0.02
@@ -172,14 +174,15 @@ class _Mesh:
         if not np.isfinite(z).all() or (np.maximum(self._low - kept, kept - self._high) > KEPT).any():
             return None
         curve = z[:-2].reshape(-1, len(self.share), order="F"), float(z[-2]), float(z[-1])
-        value = self._stated(curve)
+        coarse, fine = (self._stated(curve, parts) for parts in FINE)
+        value = fine + RULES_APART * abs(fine - coarse)
         return (value, curve) if np.isfinite(value) else None
 
-    def _stated(self, curve: Found) -> float:
+    def _stated(self, curve: Found, parts: int) -> float:
         """The functional of a curve, as it is stated, by a fine rule."""
         given, (nodes, x0, x1) = self._given, curve
         points, weights = np.polynomial.legendre.leggauss(3)
-        t = ((np.arange(FINE)[:, None] + (1 + points) / 2) / FINE).ravel()
+        t = ((np.arange(parts)[:, None] + (1 + points) / 2) / parts).ravel()
         a = x0 + (x1 - x0) * self.share
         length = np.repeat(np.diff(a), len(t))
         rows = given.functions * given.order
@@ -190,7 +193,7 @@ class _Mesh:
         function = ca.Function("L", list(symbols), [given.lagrangian(start + share * h, y, v, bends, Switches())])
         ends = [np.repeat(part, len(t), axis=1) for part in (nodes[:, :-1], nodes[:, 1:])]
         values = np.asarray(function(np.repeat(a[:-1], len(t))[None], length[None], at[None], *ends)).ravel()
-        shares = np.tile(weights / 2 / FINE, FINE * (len(a) - 1)) * length
+        shares = np.tile(weights / 2 / parts, parts * (len(a) - 1)) * length
         n = given.functions
         cost = given.cost(x0, ca.DM(nodes[:n, 0]), x1, ca.DM(nodes[:n, -1]), Switches())
         return float(values @ shares) + float(cost)

@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import minimize
 
 import varcalc as vc
+from varcalc.existence.together import AlongAxes
 
 LENGTH = 20.0
 
@@ -236,3 +237,11 @@ def test_a_valley_that_is_not_followed_is_told():
     assert np.abs(rests - found.value).min() < 1e-9
     assert found.local
     assert f"{rests.min():.6g}, and was not followed" in found.message
+
+
+def test_where_no_polygon_of_a_box_is_admitted_none_is_halved():
+    landscape = AlongAxes.__new__(AlongAxes)
+    coarse, fine = np.linspace(0, 1, 5), np.linspace(0, 1, 9)
+    assert landscape.halved(coarse, np.zeros((0, 5, 2)), fine).shape == (0, 9, 2)
+    polygons = np.random.default_rng(1).normal(size=(3, 5, 2))
+    assert landscape.halved(coarse, polygons, fine)[:, ::2] == pytest.approx(polygons)

@@ -156,3 +156,18 @@ def rubbed(x, y, v):
 def test_a_bound_holds_a_free_end_of_what_friction_does_not(lagrangian, bound, value):
     solution = vc.solve(vc.Problem(lagrangian, vc.Fixed(0, 0.3), vc.Free(2), [bound]))
     assert abs(solution.value - value) < 1e-9
+
+
+@pytest.mark.parametrize("level", [None, 0.3])
+def test_a_bound_holds_an_end_that_slides(level):
+    # freely, the line would end on x + y = 2 where r + r^2/2 = 1 of r = y/x, above the bound: it ends in the corner
+    value, conditions = 1.5 + 0.25 / 3, [vc.Bound(lambda x, y, v: y, upper=0.5)]
+    if level is not None:  # k x (3/2 - x) is added to the line, whose area is 0.375
+        bent = (level - 0.375) * 6 / 1.5**3
+        value, conditions = value + bent**2 * 1.5**3 / 6, [*conditions, vc.Isoperimetric(lambda x, y, v: y, level)]
+    problem = vc.Problem(
+        lambda x, y, v: v**2 / 2 + 1, vc.Fixed(0, 0), vc.OnCurve(lambda x, y: x + y - 2, 1.0), conditions
+    )
+    solution = vc.solve(problem)
+    assert abs(solution.value - value) < 1e-10
+    assert solution.interval[1] == pytest.approx(1.5, abs=1e-6)

@@ -84,7 +84,8 @@ class AlongAxes:
 
     def halved(self, x: np.ndarray, y: np.ndarray, finer: np.ndarray) -> np.ndarray:
         """What stands for the polygons y (P, K + 1, k) with vertices at x on more vertices."""
-        return np.stack([[np.interp(finer, x, row) for row in p.T] for p in y]).transpose(0, 2, 1)
+        rows = np.array([np.interp(finer, x, row) for polygon in y for row in polygon.T])  # there may be none
+        return rows.reshape(len(y), y.shape[2], len(finer)).transpose(0, 2, 1)
 
     def valley(self, x: np.ndarray, y: np.ndarray, value: float) -> Valley:
         """A polygon y (K + 1, k), to be followed."""

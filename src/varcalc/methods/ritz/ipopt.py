@@ -413,14 +413,18 @@ class _Pathwise:
                 self._keep_free_ends(condition, size, elements)
                 self._leave_smoothly(_rate(system, condition, given), elements)
             if not condition.equality:
+                self._keep_free_ends(condition, size, elements * bool(given))
                 kept = np.repeat(elements, system.count)
                 self._append("gauss", condition, self.at_gauss.kept(kept), size, elements, gauss(system.count))
 
     def _keep_free_ends(self, condition: SideCondition, size: float, elements: np.ndarray) -> None:
-        """Append that a stretch that comes to a free end keeps its condition there."""
+        """Append that a bound, or a stretch that comes to a free end, keeps its condition there."""
         system, space = self.system, self.system.space
-        for vertex, element, node in ((0, 0, -1.0), (space.elements, -1, 1.0)):
-            numbers = [space.vertex_number(vertex, 0, a) for a in range(system.n)]
+        y = system.form.symbols.y
+        felt = [a for a in range(system.n) if ca.depends_on(condition.expression, y[a])]
+        ends = ((0, 0, -1.0), (space.elements, -1, 1.0))
+        for vertex, element, node in ends[:1] if system.form.ends.periodic else ends:  # that ends where it begins
+            numbers = [space.vertex_number(vertex, 0, a) for a in felt]
             if elements[element] and np.isin(numbers, system.free).any():
                 at = np.zeros(space.elements, dtype=bool)
                 at[element] = True
