@@ -635,3 +635,19 @@ def test_marks_of_another_valley_are_abscissae_where_an_end_slides() -> None:
     assert again.value == pytest.approx(2 * math.sqrt(2), abs=1e-12)
     assert again.interval == pytest.approx((0.0, 2.0), abs=1e-7)
     assert again.extremal.vertices == pytest.approx([0.0, 0.35, 0.8, 1.0], abs=1e-7)
+
+
+@pytest.mark.parametrize(("error", "known"), [(1e-8, True), (1e-5, False)])
+def test_what_is_known_under_bounds_to_fewer_digits_is_an_answer_with_its_own_claim(error: float, known: bool) -> None:
+    floor = vc.Bound(lambda x, y, dy: y, lower=-0.5)
+    problem = vc.Problem(lambda x, y, dy: dy**2 / 2 + 8 * y, vc.Fixed(0, 0), vc.Fixed(1, 0), [floor])
+    solved = vc.solve(problem, tol=1e-8)
+    failure = replace(
+        solved, status=vc.Status.NOT_CONVERGED, error=replace(solved.error, value=error, curve=1e-6), message="stopped"
+    )
+    found = ladder._short_of_tolerance([failure, replace(failure, error=replace(failure.error, value=1.0))], 1e-10)
+    assert (found is not None) == known
+    if found is not None:
+        assert found.status is vc.Status.ROUND_OFF
+        assert found.error.value == error
+        assert not found.message

@@ -23,9 +23,10 @@ from varcalc.existence.polygons import Polygon
 from varcalc.existence.refraction import meets_switches, refracted, smooth_or_refused, with_what_switches
 from varcalc.existence.upright import beyond_graphs, not_attained, upright
 from varcalc.formulation import Form, Sampled, formulate
+from varcalc.formulation.height import flat
 from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.formulation.singular.detection import singular_ends
-from varcalc.methods.answer import in_coordinates_of
+from varcalc.methods.answer import in_coordinates_of, unsettled
 from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.resampled import polynomials
@@ -313,29 +314,29 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
     An extremal that an indirect method finds may be a saddle. It is an answer
     only when minimising from there stays at it.
     """
-    failure: Solution | None = None
+    failures: list[Solution] = []
     # where there is a first integral, it costs far less than more starting curves do, and sees walls however narrow
     for method, guide in zip(LADDER, (_quadrature, None), strict=True):
         told(type(method).__name__)
         solution = _made_out(_attempt(problem, method, tol, guess))
-        if failure is None and not solution.status.ok:
+        if not failures and not solution.status.ok:
             from varcalc.existence.second_look import about_corners  # few solves need all that it imports
 
             # where L is not convex in the slope more curves lead to no more
             solution = _made_out(about_corners(problem, tol, solution))
         # whoever gives a guess asks for the valley it lies in
-        unguided = failure is None and guess is None and not solution.status.ok and solution.verdict is None
+        unguided = not failures and guess is None and not solution.status.ok and solution.verdict is None
         if unguided and not _without_x(problem):
             solution = _from_polygons(problem, tol, told) or solution
         if not solution.status.ok:
             solution = _once_more(solution, method, tol)
         # what is all but free to move along itself may stand where round-off holds it: quadrature says where it belongs
         degenerate = solution.verdict is Verdict.DEGENERATE
-        if failure is None and not solution.status.ok:
+        if not failures and not solution.status.ok:
             solution = _kinked(problem, method, tol) or solution
         if solution.status.ok or (solution.verdict is not None and not degenerate):
             return solution
-        failure = failure or solution
+        failures.append(solution)
         found = None if guide is None else _guided(problem, guide(), tol, guess, told)
         if unguided and found is None and _without_x(problem):
             found = _from_polygons(problem, tol, told)
@@ -343,8 +344,29 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
             return found
         if degenerate:
             return solution
-    assert failure is not None
-    return _guided(problem, _collocation(), tol, guess, told) or failure
+    found = _guided(problem, _collocation(), tol, guess, told)
+    return found or _short_of_tolerance(failures, tol) or failures[0]
+
+
+def _short_of_tolerance(failures: Sequence[Solution], tol: float) -> Solution | None:
+    """What the direct method knows best under inequalities, to fewer digits than were asked for; None for nothing.
+
+    How nearly a curve is known whose contacts are not placed ends with the digits of IPOPT's multipliers: what it
+    claims is honest, but no refinement leads further. Where it does not stand for another reason, that is told.
+    """
+    nearest = min(failures, key=lambda s: s.error.value)
+    extremal, curve = nearest.extremal, nearest.curve
+    if extremal is None or curve is None or nearest.verdict is not None or not extremal.form.has_inequalities:
+        return None
+    size = max(float(np.abs(curve(nearest.x, 0)).max()), flat(extremal.form))
+    known = nearest.error.value <= WORTHLESS_ERROR * max(1.0, abs(nearest.value))
+    if not known or nearest.error.curve > unsettled(tol) * size:
+        return None
+    solution = _nothing_between(replace(nearest, status=Status.ROUND_OFF, message=""))
+    solution = _standing(LADDER[0], extremal.form, solution, tol)
+    return (
+        _made_out(_vouched(solution, None, extremal.form, forms(nearest.problem))) if solution.status.ok else solution
+    )
 
 
 def _without_x(problem: Functional) -> bool:
@@ -403,6 +425,8 @@ def _guided(problem: Functional, guide: Method, tol: float, guess: Guess, told: 
     Where L is convex the extremal is the minimum. Else it is minimised from there, on a mesh that holds it, or on one
     that is refined from the start.
     """
+    if formulate(problem).has_bounds:  # which no indirect route treats
+        return None
     told(type(guide).__name__)
     extremal = _made_out(_attempt(problem, guide, tol, guess))
     if not extremal.status.ok or proved_jointly_convex(problem):
