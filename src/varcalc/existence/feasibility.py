@@ -27,6 +27,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.symbolic.convexity import Entry, shapes
+from varcalc.symbolic.derived import answered
 from varcalc.symbolic.evaluation import in_columns
 from varcalc.verify.slopes import vouched
 
@@ -147,6 +148,7 @@ def _between(problem: Functional, constraint: Isoperimetric) -> tuple[float, flo
     return (b - a) * shape.low(), (b - a) * shape.high()
 
 
+@answered
 def _extreme(problem: Functional, constraint: Isoperimetric, greatest: bool) -> float:
     """The least (greatest) value of the constraint's integral; infinite where none is found."""
     bare: Functional
@@ -213,6 +215,7 @@ class Contradiction:
         return Finding(Verdict.INFEASIBLE, sentence)
 
 
+@answered
 def contradiction(problem: Functional) -> Contradiction | None:
     """The contradiction between the conditions of a graph between fixed or free ends; None where none is found."""
     own = [i for i, c in enumerate(problem.constraints) if isinstance(c, Isoperimetric | Bound)]
