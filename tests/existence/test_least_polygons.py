@@ -1,12 +1,15 @@
 """Where the line between the ends leads nowhere a minimum is found from the least polygons."""
 
 import math
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
 
 import varcalc as vc
+from varcalc.existence.least_polygons import least_polygons
+from varcalc.existence.refraction import meets_switches
 
 
 def least_on_lattice(integrand, start, length, low, high, at_end):
@@ -71,3 +74,12 @@ def test_curves_that_no_other_is_beside_are_refused():
     ends = vc.Fixed(10, [-3.3, 1e150, 1]), vc.Fixed(10.5, [1e4, 1e4, 0])
     problem = vc.Problem(lambda x, y, dy: 1e20 * ca.sumsqr(dy), *ends, maximise=True)
     assert vc.solve(problem, throw=False).status is vc.Status.REFUSED
+
+
+def test_a_polygon_that_rests_but_for_a_step_meets_its_kink():
+    # a load of 0.3 brings it down by 0.15 in a time of 1; friction holds it from there
+    low = vc.Bound(lambda x, y, v: y + 0.1 * x, upper=0.35)
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + ca.fabs(v) + 0.3 * y, vc.Fixed(0, 0.3), vc.Fixed(2, 0.15), [low])
+    polygon = least_polygons(problem)[0]
+    assert meets_switches(problem, polygon)
+    assert not meets_switches(problem, replace(polygon, y=0.3 - polygon.x[:, None]))

@@ -55,6 +55,8 @@ STILL, MOST_OF_POLYGON = (1e-2, 3e-3), 8
 
 One that would rest on a jump waves across it.
 """
+AT_REST = 1e-2
+"""How near a kink a polygon comes that may rest on it, in units of how far from it it goes."""
 HALF_WAY, BESIDE_VALLEY = 3.0, 1e-9
 """How much more, in the same units, what is followed may be along a narrow valley than in the middle, and at least."""
 BESIDE_KINK = 1e-3
@@ -234,9 +236,16 @@ def _as_polygon(
 
 
 def meets_switches(problem: Problem, polygon: Valley) -> bool:
-    """Whether a polygon meets what is not smooth."""
-    found = crossings(problem, polygonal(polygon.x, polygon.y.T), polygon.x, problem.unknown_guesses)
-    return any(not c.switch.smooth for c in found)
+    """Whether a polygon meets what is not smooth, or comes so near a kink that the least curve may rest on it."""
+    curve = polygonal(polygon.x, polygon.y.T)
+    found = crossings(problem, curve, polygon.x, problem.unknown_guesses)
+    if any(not c.switch.smooth for c in found):
+        return True
+    kinks = [not (switch.jumps or switch.smooth) for switch in on_curve(problem)]
+    middles = 0.5 * (polygon.x[1:] + polygon.x[:-1])
+    # a polygon is moved by steps, and rests but for one of them
+    away = np.abs(arguments_along(problem, curve, middles, problem.unknown_guesses))[kinks]
+    return bool((away.min(1) <= AT_REST * away.max(1)).any())
 
 
 def _small_half_way(problem: Problem, curve: Curve, sizes: np.ndarray) -> list[float]:
