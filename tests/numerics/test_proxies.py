@@ -125,3 +125,39 @@ def test_panels_in_which_nobody_asks_for_anything_are_left_out():
     assert series.low.min() == 0.4
     assert np.isfinite(series.coefficients).all()
     assert series.looked_at[0] > 0
+
+
+class Bow:
+    """sin of s, which turns at π/2."""
+
+    def scale(self, family):
+        return np.ones((len(family), 1))
+
+    def __call__(self, family, at, enough=0.0):
+        return np.sin(at)[:, None]
+
+    def sampled(self, family, at, enough):
+        return np.sin(at)[..., None]
+
+    def noise(self, family, at):
+        return np.zeros((len(at), 1))
+
+    def inside(self, at, way):
+        return at
+
+    def beyond(self, family, values):
+        return np.zeros((len(values), 1), dtype=bool)
+
+
+@pytest.mark.parametrize("width", [0.1, 0.3, 0.77, 1.3])
+@pytest.mark.parametrize("beside", [-1e-9, -1e-15, 0.0, 1e-15, 1e-9])
+@pytest.mark.parametrize("short", [-1e-15, 0.0, 1e-15])
+def test_a_turn_at_the_edge_of_a_panel_touches_from_either_side(width, beside, short):
+    # its sides are no zeros by themselves, which round-off puts 1e-8 from it
+    edges = np.pi / 2 + beside + np.array([-width, 0.0, 1.5 * width])
+    series = proxies(Bow(), np.zeros(2, dtype=int), edges[:-1], edges[1:])
+    count = len(series.low)
+    own = zeros(series, np.arange(count), np.ones((count, 1)), np.full(count, 1.0 + short), np.full(count, 2e-13))
+    assert len(own.at) >= 1
+    assert np.all(own.touching)
+    np.testing.assert_allclose(own.at, np.pi / 2, rtol=0, atol=2e-9)

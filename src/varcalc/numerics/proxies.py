@@ -297,14 +297,14 @@ class _Isolation:
     def zeros(self, numbers: np.ndarray) -> ProxyZeros:
         """See :func:`zeros`."""
         monotone, flat = self._parted()
+        monotone, ends, folded = self._beside_folds(monotone)
         parts, values, touching = self._beside_turns(*self._runs(flat))
         parts = _Parts.joined([monotone, parts])
-        left, right = self._at(monotone.row, monotone.low), self._at(monotone.row, monotone.high)
-        left, right = np.concatenate([left, values[0]]), np.concatenate([right, values[1]])
+        left, right = (np.concatenate(pair) for pair in zip(ends, values, strict=True))
         crossing = np.flatnonzero((np.sign(left) != np.sign(right)) & (left != 0))
         at, lost = self._polished(parts.take(crossing), left[crossing])
-        rows = np.concatenate([parts.row[crossing][~lost], touching[0]])
-        places = np.concatenate([at[~lost], self._place(*touching)])
+        rows = np.concatenate([parts.row[crossing][~lost], folded[0], touching[0]])
+        places = np.concatenate([at[~lost], self._place(*folded), self._place(*touching)])
         turns = np.arange(len(rows)) >= np.count_nonzero(~lost)
         panel = self.panel[rows]
         low, high = self.series.low[panel], self.series.high[panel]
@@ -329,6 +329,30 @@ class _Isolation:
             parts = _Parts.joined(halves)
             series = np.concatenate([series @ half.T for half in _HALVES])
         return _Parts.joined(monotone), parts
+
+    def _beside_folds(
+        self, monotone: _Parts
+    ) -> tuple[_Parts, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """The monotone parts but for those with a touching turn at the edge of a panel, the values at their ends.
+
+        And the rows and places of these turns. For round-off they may come out beyond the edge, on either side of it.
+        """
+        ends = self._at(monotone.row, monotone.low), self._at(monotone.row, monotone.high)
+        touch = self.touch[monotone.row]
+        slopes = [_summed(self.rate[monotone.row], x[:, None])[:, 0] for x in (monotone.low, monotone.high)]
+        bend = np.abs(slopes[1] - slopes[0]) / (monotone.high - monotone.low)
+        folds = [
+            (np.abs(place) == 1) & (np.abs(value) <= touch) & (slope**2 <= 2 * bend * touch)
+            for place, value, slope in zip((monotone.low, monotone.high), ends, slopes, strict=True)
+        ]
+        rows, places = (
+            [own[fold] for own, fold in zip(pair, folds, strict=True)]
+            for pair in ((monotone.row, monotone.row), (monotone.low, monotone.high))
+        )
+        rest = np.flatnonzero(~(folds[0] | folds[1]))
+        return (
+            monotone.take(rest), (ends[0][rest], ends[1][rest]), (np.concatenate(rows), np.concatenate(places)),
+        )  # fmt: skip
 
     def _runs(self, flat: _Parts) -> tuple[_Parts, np.ndarray]:
         """Neighbouring flat parts as one, and the turning point (q,) in each, not a number where there is none."""

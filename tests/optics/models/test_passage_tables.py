@@ -1,8 +1,11 @@
 """Passages of rays read from tables, against closed forms; and what tables may not tell is not read from them."""
 
+import itertools
+
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from varcalc import optics
@@ -13,7 +16,7 @@ from varcalc.optics.models.reduction import Profile
 
 def tabled(medium, ends, within, probe=0.0):
     passages = RayPassages.between(Profile(medium, 1.0, probe), ends, np.full(len(ends), within))[0]
-    return TabledPassages(passages, PassageTables())
+    return TabledPassages(passages, PassageTables(), at_once=True)
 
 
 def drawn(rng, passages, count):
@@ -59,12 +62,40 @@ def test_other_pairs_of_about_the_same_heights_are_read_from_the_same_tables():
     made = []
     for _ in range(2):
         ends = np.concatenate([rng.uniform((-4000, -400), (-3700, -100), (4, 2)), rng.uniform(-3700, -400, (8, 2))])
-        read = TabledPassages(RayPassages.between(profile, ends, np.full(12, 2.0**19))[0], tables)
+        read = TabledPassages(RayPassages.between(profile, ends, np.full(12, 2.0**19))[0], tables, at_once=True)
         pair, angles = drawn(rng, read.passages, 20)
         read.at(pair, angles, np.full((len(pair), 6), 1e5))
         made.append(set(tables.made))
     assert made[0] == made[1]
     assert len(made[0]) > 1
+
+
+def test_tables_are_made_once_many_motions_were_asked_about():
+    read = tabled(optics.fish_eye(), np.array([[-0.5, 0.4]]), 8.0)
+    often = TabledPassages(read.passages, PassageTables())
+    angles, scale = np.linspace(0.65, 0.651, 100), np.full((100, 6), np.pi)
+    first = often.at(np.zeros(100, dtype=int), angles, scale)
+    [table] = often.tables.made.values()
+    assert not table.leaves
+    second = often.at(np.zeros(100, dtype=int), angles, scale)
+    assert table.leaves
+    expected = fish_eye_passages(read.passages, np.zeros(100, dtype=int), angles)
+    for got in (first, second):
+        np.testing.assert_allclose(got, expected, rtol=0, atol=4e-13 * np.pi)
+
+
+def test_heights_beyond_which_rays_would_come_back_too_late_are_not_looked_at():
+    """Deep below the channel n falls as one over the depth, so that the path grows as its logarithm only."""
+    medium, within = optics.munk_profile(), 2.0**19
+    passages = RayPassages.between(Profile(medium, 1.0, -1000.0), np.array([[-3000.0, -1100.0]]), np.array([within]))[0]
+
+    depths = [-3000.0, *(-np.geomspace(3001, -passages.low[0], 60))]
+    there = sum(
+        quad(lambda z: float(np.sqrt(passages.profile.at(np.array([z]))[0][0])), b, a)[0]
+        for a, b in itertools.pairwise(depths)
+    )
+    assert within / 2 <= there <= 0.6 * within
+    assert passages.mild[0, 1]  # they do not rest there
 
 
 @pytest.mark.parametrize("strength", [1e-1, 1e-3, 1e-6])

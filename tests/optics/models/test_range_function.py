@@ -11,6 +11,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from varcalc import optics
+from varcalc.optics.models.passages import RayPassages
 from varcalc.optics.models.reduction import Profile
 
 
@@ -456,3 +457,26 @@ def test_an_index_that_is_looked_up_between_many_knots_has_the_rays_of_the_table
     formulas = profile._formulas
     assert len(formulas.part) == len(heights) + 1  # one formula a piece, and not all knots in each
     assert len(formulas.parts) <= 4  # what is compiled for one piece serves those alike
+
+
+def test_rays_that_come_to_rest_where_a_change_of_the_index_overflows_have_their_angle():
+    """Far from a duct n is one; its change from there is told by squares of cosh that are no numbers."""
+    medium = optics.Stratified(lambda y: ca.sqrt(1 + 0.01 / ca.cosh(y) ** 2))
+    passages = RayPassages.between(Profile(medium, 1.0, 0.0), np.array([[-0.4, 0.3]]), np.array([4096.0]))[0]
+    rest = math.acos(1 / math.sqrt(1 + 0.01 / math.cosh(0.4) ** 2))
+    np.testing.assert_allclose(passages.breaks, [[0, rest, math.pi / 2]], rtol=1e-13)
+    assert not passages.mild[0, 1]
+
+
+@pytest.mark.parametrize(
+    ("medium", "source", "target", "most"),
+    [
+        (optics.fish_eye(), (0.1, -0.2), (0.7, 0.4), 90),
+        (optics.munk_profile(), (0, -1000), (5e4, -3000), 220),
+        (optics.Stratified(lambda y: ca.sqrt(1 + 0.01 * ca.exp(-y * y))), (0, -0.3), (40, 0.2), 220),
+    ],
+)  # fmt: skip
+def test_few_angles_tell_all_rays(medium, source, target, most):
+    rays = optics.Scene(medium).rays(source, target)
+    assert rays.unresolved == 0
+    assert int(rays.searched.split("(")[1].split(" looked at")[0]) <= most

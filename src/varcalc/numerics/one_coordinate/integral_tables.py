@@ -28,6 +28,8 @@ from varcalc.numerics.one_coordinate.slopes import SameSlopes
 
 LOWEST, WIDTH, PANELS = -64.0, 2.0, 52
 """Of the logarithm: where panels begin, how wide they are at first, and how many there are."""
+WORTH_IT = 128
+"""Motions that have been asked about: a panel takes as long to make as to integrate along so many."""
 TABLE_HALVINGS = 2
 """Of these."""
 LEAF_TOLERANCE = 1e-13
@@ -38,24 +40,27 @@ NEAR = 0.2
 
 @dataclass
 class SlopesTable:
-    """The table of motions that turn back on the same slopes, made where it is asked for.
+    """The table of motions that turn back on the same slopes, made where it is often asked for.
 
-    There is no leaf where none can stand for the motions.
+    There is no leaf where none can stand for the motions, and not yet where few were asked about.
     """
 
     slopes: SameSlopes
     leaves: list[Leaf] = field(default_factory=list, init=False)
+    _asked: np.ndarray = field(default_factory=lambda: np.zeros(PANELS, dtype=int), init=False, repr=False)
     _made: dict[int, list[tuple[float, int]]] = field(default_factory=dict, init=False, repr=False)
 
-    def leaf(self, logarithm: np.ndarray) -> np.ndarray:
-        """The numbers (m,) of the leaves at logarithms (m,), -1 where there is none."""
+    def leaf(self, logarithm: np.ndarray, at_once: bool = False) -> np.ndarray:
+        """The numbers (m,) of the leaves at logarithms (m,), -1 where there is none; for few made if ``at_once``."""
         panel = np.floor((logarithm - LOWEST) / WIDTH)
-        numbers = np.unique(panel[(panel >= 0) & (panel < PANELS)]).astype(int)
-        new = np.array([number for number in numbers if number not in self._made], dtype=int)
+        numbers, counts = np.unique(panel[(panel >= 0) & (panel < PANELS)].astype(int), return_counts=True)
+        np.add.at(self._asked, numbers, counts)
+        often = numbers if at_once else numbers[self._asked[numbers] >= WORTH_IT]
+        new = np.array([number for number in often if number not in self._made])
         if len(new):
             self._make(new)
         out = np.full(len(logarithm), -1)
-        for number in numbers:
+        for number in (number for number in numbers if number in self._made):
             rows = np.flatnonzero(panel == number)
             lows, names = (np.array(column) for column in zip(*self._made[number], strict=True))
             out[rows] = names[np.searchsorted(lows, logarithm[rows], side="right") - 1]

@@ -240,9 +240,7 @@ class Potential(ABC):
         they are.
         """
         step = _power_of_two((last - first) / (PLACES - 1))
-        number = np.floor(first / step)[:, None] + np.arange(1, 2 * PLACES)
-        inner = np.where(step[:, None] > 0, number * step[:, None], last[:, None])
-        inner = inner[inner < last[:, None]]
+        inner = _lattices(first, last, step)
         reach = self.distances(first, last, size)
         wide = _power_of_two(np.diff(reach, axis=1, append=2 * reach[:, -1:]))
         beyond = (reach >= step[:, None]) | (np.arange(reach.shape[1]) % SPARSE == 0)
@@ -312,11 +310,28 @@ class Potential(ABC):
         return np.concatenate(edges(lambda at: self.at(at)[1] * sign > 0, u[number], u[number + 1]))
 
 
+def _lattices(first: np.ndarray, last: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """The multiples of each ``step`` (p,) between ``first`` and ``last`` (p,), once where intervals overlap."""
+    parts = []
+    for own in np.unique(step[step > 0]):
+        rows = np.flatnonzero(step == own)
+        rows = rows[np.argsort(first[rows])]
+        low, high = np.floor(first[rows] / own) + 1, np.ceil(last[rows] / own)
+        begun = np.flatnonzero(np.append(True, low[1:] > np.maximum.accumulate(high)[:-1]))
+        ends = zip(low[begun], np.maximum.reduceat(high, begun), strict=True)
+        parts.append(own * np.concatenate([np.arange(*pair) for pair in ends]))
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
 def _power_of_two(values: np.ndarray) -> np.ndarray:
     """The next lower powers of two."""
     return np.exp2(np.floor(np.log2(values)))
 
 
 def _better(new: np.ndarray, old: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """The difference where the values differ much, which loses nothing; elsewhere the ``change`` as it was carried."""
-    return np.where(np.abs(new - old) > DIFFERENT * np.maximum(np.abs(new), np.abs(old)), new - old, change)
+    """The difference where the values differ much, which loses nothing; elsewhere the ``change`` as it was carried.
+
+    The change may be no number where the difference is one: what it is made of overflows farther away.
+    """
+    much = np.abs(new - old) > DIFFERENT * np.maximum(np.abs(new), np.abs(old))
+    return np.where(much | ~np.isfinite(change), new - old, change)

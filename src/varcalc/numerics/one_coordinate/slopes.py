@@ -63,9 +63,15 @@ class SameSlopes:
         bottom, top, between, more = self._levels
         rise, fall = between / (1 + np.exp(-logarithm)), between / (1 + np.exp(logarithm))
         C = np.where(logarithm < 0, bottom + rise, top - fall)
-        u0, free = np.full(len(C), self.reference), np.full(len(C), np.inf)
+        u0 = np.full(len(C), self.reference)
+        # motions that turn back beyond the box do not turn, as far as it goes
+        sides = zip((self.below, self.above), self.box, strict=True)
+        walls = [np.full(len(C), np.inf if k >= 0 else abs(side - self.reference)) for k, side in sides]
         squared = more + fall
-        below, above = (bounds(self.potential, self.nodes, u0, squared, C, free, sign) for sign in (-1, 1))
+        below, above = (
+            bounds(self.potential, self.nodes, u0, squared, C, wall, sign)
+            for wall, sign in zip(walls, (-1, 1), strict=True)
+        )
         ends = np.stack([below.x, above.x], axis=1)
         for every, found, _ in ways(self.potential, u0, np.sqrt(squared), below, above):
             own = np.flatnonzero(found.sign == self.sign) if isinstance(found, OneTurn) else np.arange(len(every))

@@ -17,8 +17,9 @@ from itertools import takewhile
 import numpy as np
 
 from varcalc.numerics.proxies import Proxies, zeros
+from varcalc.optics.models.height_pairs import COUNT, EPSILON, LAYERS
 from varcalc.optics.models.passage_tables import PassageTables, TabledPassages
-from varcalc.optics.models.passages import COUNT, EPSILON, LAYERS, RayPassages
+from varcalc.optics.models.passages import RayPassages
 from varcalc.optics.models.reduction import RayPotential
 from varcalc.optics.models.spread import BREAK_OFFSET, Spread
 
@@ -337,7 +338,8 @@ def _resting(spread: Spread, aims: Distances) -> np.ndarray:
     breaks = 2.0 * _counted(np.zeros_like(spread.passages.count), spread.passages.count)
     pair, at, way = np.tile(pair, 2), np.tile(breaks, 2), np.repeat([-NEXT, NEXT], len(breaks))
     inside = (at + way >= 0) & (at + way <= 2.0 * (spread.passages.count[pair] - 1))
-    rows = np.flatnonzero(inside & ~spread.mild(pair, (at / 2).astype(int)))
+    number = (at / 2).astype(int)
+    rows = np.flatnonzero(inside & ~spread.mild(pair, number) & ~spread.level(pair, number))
     pair, at, way = pair[rows], at[rows], way[rows]
     places = at + np.outer([0.0, 1.0, 2.0], way) + np.outer([BREAK_OFFSET, 0.0, 0.0], np.sign(way))
     here, beside, before = np.split(spread(np.tile(pair, 3), places.ravel()), 3)

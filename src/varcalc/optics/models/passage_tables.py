@@ -17,7 +17,8 @@ from varcalc.numerics.one_coordinate.motions import OneTurn, TwoTurns
 from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.numerics.one_coordinate.slopes import SameSlopes
 from varcalc.numerics.proxies import reduced
-from varcalc.optics.models.passages import COUNT, LAYERS, ROOM, RayPassages, outwards, past_centre
+from varcalc.optics.models.height_pairs import COUNT, LAYERS, ROOM, outwards
+from varcalc.optics.models.passages import RayPassages, past_centre
 
 MOST_TURNS = 32
 """Turns of g, with more of which no table is made."""
@@ -48,10 +49,14 @@ class PassageTables:
 
 @dataclass(frozen=True)
 class TabledPassages:
-    """The passages of rays, read from tables."""
+    """The passages of rays, read from tables.
+
+    These are made ``at_once``, or where they are asked often enough.
+    """
 
     passages: RayPassages
     tables: PassageTables
+    at_once: bool = False
 
     @cached_property
     def applies(self) -> bool:
@@ -69,6 +74,17 @@ class TabledPassages:
         """The turns and the edges of the box (t + 2,), g there, and its gain from the starts (p, t + 2)."""
         start, u = self.passages.start[:, None], np.append(self.passages.nodes.u[self._turns], self._box)
         return u, self.passages.profile.at(u)[0], self.passages.profile(start, u - start).gain
+
+    @cached_property
+    def _beyond(self) -> np.ndarray:
+        """The gain of g from the starts to as deep and as high as rays go (p, 2)."""
+        start = self.passages.start[:, None]
+        return self.passages.profile(start, self._sides - start).gain
+
+    @cached_property
+    def _sides(self) -> np.ndarray:
+        low, high = self._box
+        return np.stack([np.minimum(self.passages.low, low), np.maximum(self.passages.high, high)], axis=1)
 
     @cached_property
     def _box(self) -> tuple[float, float]:
@@ -126,10 +142,12 @@ class TabledPassages:
         here, t = self.passages.start[pair], len(self._turns)
         left = np.where((c**2 < g / 2)[:, None], levels - c[:, None] ** 2, deeper[pair] + squared[:, None])
         upper, lower = np.full((2, len(angles)), -1)
+        ends = self._sides[pair]
+        sides = self._beyond[pair] + squared[:, None] <= 0
         for k in range(t):
             stopped = left[:, k] <= 0
-            lower[stopped & (u[k] < here)] = k
-            upper[stopped & (u[k] > here) & (upper < 0)] = k
+            lower[stopped & (u[k] < here) & (sides[:, 0] | (u[k] > ends[:, 0]))] = k
+            upper[stopped & (u[k] > here) & (sides[:, 1] | (u[k] < ends[:, 1])) & (upper < 0)] = k
         for key in np.unique((lower + 1) * (t + 1) + upper + 1):
             low, high = int(key) // (t + 1) - 1, int(key) % (t + 1) - 1
             if low >= 0 and high == low + 1:  # level to round-off, where g turns: there is nothing between
@@ -153,7 +171,7 @@ class TabledPassages:
         floor = max(ends, key=lambda k: g[k]) if ends else -1
         highest = max(inside + sides, key=lambda k: g[k])
         # between two turns by which motions turn back g rises to one maximum, or has minima between several
-        others = [k for k in inner if k in (0, t - 1) or g[k] <= min(g[k - 1], g[k + 1])] + sides
+        others = [k for k in inside if k in (0, t - 1) or g[k] <= min(g[k - 1], g[k + 1])] + sides
         ceiling = min(others, key=lambda k: g[k]) if others else highest
         node = [int(turns[k]) if k >= 0 else -1 for k in (low, high)]
         lowest, reference = (float(u[floor]), float(u[highest])) if ends else (None, box[0])
@@ -175,7 +193,7 @@ class TabledPassages:
         start, end = self.passages.start[pair], self.passages.end[pair]
         reaches = (slopes.below < 0) | (end > u[slopes.below])
         reaches &= (slopes.above < 0) | (end < u[slopes.above])
-        leaf = table.leaf(logarithm)
+        leaf = table.leaf(logarithm, self.at_once)
         known = np.flatnonzero((leaf >= 0) & np.isfinite(logarithm) & reaches)
         x = np.stack([start, end], axis=1)[known] - slopes.reference
         last = np.sqrt(self.passages.higher[pair] + squared)

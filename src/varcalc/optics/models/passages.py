@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from varcalc.numerics.one_coordinate.motions import (
-    OTHER_SIDE,
     CoordinateMotion,
     NoTurn,
     OneTurn,
@@ -22,82 +20,27 @@ from varcalc.numerics.one_coordinate.motions import (
     bounds,
     ways,
 )
-from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import AGREED, TAU, integrals
 from varcalc.optics.models.between_stops import passages_between_stops
-from varcalc.optics.models.reduction import PATH, RayPotential
+from varcalc.optics.models.height_pairs import COUNT, LAYERS, HeightPairs
+from varcalc.optics.models.reduction import PATH
 
-ROOM = 8
-"""Parts of a range to which it is rounded outwards."""
 AIMED, CLOSEST = 1e-6, 1e-9
 """Rays aimed at a centre, in radians, to within which optical paths, and angles about it, are told by their like."""
 AT_A_TURN = 1e-13
 """Of the difference of two heights: so close to a turning point one is at it."""
-SAME_MINIMUM = 1e-15
-"""Of g: minima that differ by less are one."""
-ALIKE = 64 * float(np.finfo(float).eps)
-"""Of how much g varies: minima of so nearly one height are one, for g is not told much better over them all."""
 CLOSE_BY = 0.1
 """Of the difference of two heights: farther beyond the end, a turning point is told as well from the start."""
-DARK = 1e-6
-"""Of g: where it is less, upright rays turn at an index that is all but nothing."""
-STAYS_LEVEL = 1e-15
-"""Of g: where it changes by less over the distance, a ray that starts level stays so."""
-EPSILON = 2 * float(np.finfo(float).eps)
-"""Round-off of g and of angles, relatively."""
 TOGETHER = 2048
 """Angles whose passages are integrated together; bounds the memory."""
-LAYERS, COUNT = 3, 6
-"""RayPassages S, U and D: how far they come along the layers, and together with their optical paths."""
-
-
-def outwards(low: np.ndarray, high: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ranges, rounded outwards to parts of a ``size``: those that are nearly the same are one, and share tables."""
-    with np.errstate(all="ignore"):
-        step = 2.0 ** np.ceil(np.log2(size)) / ROOM
-        least, most = np.floor(low / step) * step, np.ceil(high / step) * step
-    return np.where(np.isfinite(least), least, low), np.where(np.isfinite(most), most, high)
 
 
 @dataclass(frozen=True)
-class RayPassages:
+class RayPassages(HeightPairs):
     """Rays of p pairs from the heights ``start`` (p,) to the heights ``end`` of ``profile``, g smaller at the start.
 
     They go no higher than ``high`` (p,) and no deeper than ``low`` (p,).
     """
-
-    profile: RayPotential
-    nodes: PotentialNodes
-    start: np.ndarray
-    end: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-
-    @classmethod
-    def between(cls, profile: RayPotential, ends: np.ndarray, within: np.ndarray) -> tuple[RayPassages, np.ndarray]:
-        """The rays between heights (p, 2) up to optical paths (p,), and which pairs (p,) start from the second."""
-        g = profile.at(ends)[0]
-        swapped = g[:, 1] < g[:, 0]
-        start, end = np.where(swapped, *ends.T[::-1]), np.where(swapped, *ends.T)
-        lower, upper = ends.min(axis=1), ends.max(axis=1)
-        with np.errstate(all="ignore"):
-            size = within / np.sqrt(g.max(axis=1))
-        reach = profile.distances(lower, upper, size)[:, -1]
-        free = np.full(len(ends), np.inf)
-        low = np.maximum(profile.farthest(lower, -1, within, free), lower - reach)
-        high = np.minimum(profile.farthest(upper, 1, within, free), upper + reach)
-        low, high = outwards(low, low, lower - low)[0], outwards(high, high, high - upper)[1]
-        return cls(profile, profile.nodes(lower, upper, low, high, size), start, end, low, high), swapped
-
-    @cached_property
-    def way(self) -> np.ndarray:
-        """1.0 (p,) where the end is above the start, or as high, -1.0 where it is below."""
-        return np.where(self.end >= self.start, 1.0, -1.0)
-
-    @cached_property
-    def g(self) -> np.ndarray:
-        """g (p,) at the start."""
-        return self.profile.at(self.start)[0]
 
     def at(self, pair: np.ndarray, angles: np.ndarray, wanted: np.ndarray | None = None) -> np.ndarray:
         """S, U, D and their optical paths (m, 6) of pairs (m,) at angles (m,) from 0 to π/2.
@@ -143,60 +86,6 @@ class RayPassages:
     def aimed(self, angles: np.ndarray) -> np.ndarray:
         """Which of the rays at ``angles`` (m,) are aimed at the centre, all but for round-off."""
         return np.flatnonzero((np.pi / 2 - angles < AIMED) & self.profile.about_centre)
-
-    @cached_property
-    def higher(self) -> np.ndarray:
-        """How much larger g is at the end (p,)."""
-        return np.maximum(self.profile(self.start, self.end - self.start).gain, 0.0)
-
-    @cached_property
-    def rounded(self) -> np.ndarray:
-        """How well the angles of the breaks are known in comparison with others (p, b), 0 where nothing is lost.
-
-        What is known to round-off is the largest change of g that adds up to that at a break.
-        """
-        with np.errstate(all="ignore"):
-            known = EPSILON * np.maximum(self.breaks**2, np.minimum(self._variation[0], 1.0)[:, None]) / self.breaks
-        return np.where(self._inner.any(axis=2), known, 0.0)
-
-    @cached_property
-    def _variation(self) -> tuple[np.ndarray, np.ndarray]:
-        """How much g varies (p,), and its least value (p,), in units of that at the start."""
-        sides = np.column_stack([self.low, np.nextafter(self.high, np.inf)])
-        slices, finite = np.searchsorted(self.nodes.u, sides).ravel(), np.abs(self.nodes.g) < np.inf
-        own = [np.append(np.where(finite, self.nodes.g, none), none) for none in (np.inf, -np.inf)]
-        least, most = (f.reduceat(g, slices)[::2] for f, g in zip((np.minimum, np.maximum), own, strict=True))
-        varies = most - least
-        return varies / self.g, least / self.g
-
-    @cached_property
-    def _inner(self) -> np.ndarray:
-        """At which of the breaks which of S, U and D (p, b, 3) lose digits.
-
-        Those do at whose end rays come to rest, and all of upright ones at an index of 0.
-        """
-        number, last = np.arange(self.breaks.shape[1]), self.count[:, None] - 1
-        dark = (number == last) & (self._variation[1] <= DARK)[:, None]
-        rests = (number > 0) & (number < last) & ~self.mild
-        return (rests[..., None] & self._broken[2]) | dark[..., None]
-
-    def noise(self, pair: np.ndarray, angles: np.ndarray, plain: np.ndarray | None = None) -> np.ndarray:
-        """What round-off makes of S, U and D and their optical paths (m, 6) of pairs (m,) at angles (m,), relatively.
-
-        It is much beside a break at which they come to rest; not so beside upright rays of those that are ``plain``
-        (m,) there.
-        """
-        if not np.any(self._inner):
-            return np.zeros((len(angles), COUNT))
-        worst = np.zeros((len(angles), LAYERS))
-        for k in np.flatnonzero(self._inner.any(axis=(0, 2))):
-            lost = self._inner[pair, k]
-            if plain is not None:
-                lost &= ~(plain & (k == self.count[pair] - 1))[:, None]
-            with np.errstate(all="ignore"):
-                beside = self.rounded[pair, k] / np.abs(angles - self.breaks[pair, k])
-            worst = np.maximum(worst, np.where(lost, beside[:, None], 0.0))
-        return np.tile(np.minimum(worst, 1.0), 2)
 
     def at_least(self, pair: np.ndarray, angles: np.ndarray) -> np.ndarray:
         """What S is, and U and D are no less than (m, 6), told without their turning points.
@@ -272,98 +161,6 @@ class RayPassages:
             return passages_between_stops(self.profile, motion, C, low, high, agreed)
         return integrals(motion, low, high, agreed=agreed)
 
-    @property
-    def count(self) -> np.ndarray:
-        """How many breaks there are (p,)."""
-        return np.count_nonzero(np.isfinite(self.breaks), axis=1)
-
-    @property
-    def breaks(self) -> np.ndarray:
-        """The angles, ascending from 0 to π/2, between which the passages are smooth: (p, b), infinite after these."""
-        return self._broken[0]
-
-    @property
-    def mild(self) -> np.ndarray:
-        """At which breaks (p, b) the passages are smooth in the root of the angle from there: rays turn at stops."""
-        return self._broken[1]
-
-    @cached_property
-    def _broken(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The breaks (p, b), whether they are mild, and which of S, U and D come to rest there (p, b, 3)."""
-        upper, lower = np.maximum(self.start, self.end), np.minimum(self.start, self.end)
-        sides = [np.searchsorted(self.nodes.u, place) for place in (lower, self.low)]
-        sides += [np.searchsorted(self.nodes.u, place, side="right") - 1 for place in (upper, self.high)]
-        rests = [self._rests(*ends) for ends in zip(*(side.tolist() for side in sides), strict=True)]
-        pair, node = np.repeat(np.arange(len(rests)), [len(r) for r in rests]), np.concatenate(rests)
-        u = self.nodes.u[node]
-        above, below, up = u >= upper[pair], u <= lower[pair], self.way[pair] > 0
-        at_rest = np.stack([~above & ~below, np.where(up, above, below), np.where(up, below, above)], axis=1)
-        # the change of g is known to its own round-off, however small
-        base = self.start[pair]
-        gain, told = self.profile(base, self.nodes.u[node] - base).gain, self.nodes.g[node] - self.g[pair]
-        # beside a jump round-off puts the place on either side
-        torn = np.abs(gain - told) > OTHER_SIDE * np.maximum(self.g[pair], np.abs(self.nodes.g[node]))
-        fallen = -np.where(torn, told, gain) / self.g[pair]
-        mild = self._stops[node] & ~np.isin(node, self.nodes.upwards.turns)
-        # at a jump g is steep on either side, and motions do not rest there
-        mild |= np.isin(self.nodes.u[node], self.profile.jumps) & (self.profile.at(self.nodes.u[node])[1] != 0)
-        # a window between two places of one kind, of heights alike but for what g is told to, is none
-        alike = ALIKE * np.minimum(self._variation[0], 1.0)
-        return _padded(pair, fallen, mild, at_rest, alike)
-
-    def _rests(self, first: int, bottom: int, last: int, top: int) -> np.ndarray:
-        """The nodes from ``bottom`` to ``top`` at which rays come to rest, or turn where g is less smooth.
-
-        They go from the node ``first`` to ``last`` or back.
-        """
-        g, own = self.nodes.g, self._own
-        above = np.concatenate([[last], own[(own > last) & (own < top)], [top]])
-        below = np.concatenate([[first], own[::-1][(own[::-1] < first) & (own[::-1] > bottom)], [bottom]])
-        between = first + int(np.argmin(g[first : last + 1]))
-        return np.concatenate([[between], *(side[_held(g[side], self._stops[side])] for side in (above, below))])
-
-    @cached_property
-    def _stops(self) -> np.ndarray:
-        """Which nodes are stops, or at a jump."""
-        return np.isin(self.nodes.u, np.append(self.profile.stops, self.profile.jumps))
-
-    @cached_property
-    def _own(self) -> np.ndarray:
-        """The nodes, ascending, at which g turns or is less smooth."""
-        return np.union1d(self.nodes.upwards.turns, np.flatnonzero(self._stops))
-
-    def stays_level(self, pair: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """True (n,) where the points of pairs (n,) lie on a layer along which a ray stays that starts so, so far."""
-        g, slope = (values[pair] for values in self.profile.at(self.start))
-        room = STAYS_LEVEL * g / (1.0 if self.profile.about_centre else np.maximum(distance, 1e-300))
-        return (self.start == self.end)[pair] & (np.abs(slope) <= room)
-
-
-def _padded(
-    pair: np.ndarray, fallen: np.ndarray, mild: np.ndarray, at_rest: np.ndarray, alike: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The breaks of pairs in rows, ascending from 0 to π/2, whether they are mild, and what comes to rest there.
-
-    They lie where g is ``fallen`` (n,) so far from that of the ``pair`` (n,); those alike are one, and so are those at
-    which rays rest, or those at which they turn where g is less smooth, that differ by no more than is ``alike`` (p,).
-    """
-    order = np.lexsort((fallen, pair))
-    order = order[(fallen[order] > SAME_MINIMUM) & (fallen[order] < 1.0)]
-    place, row = fallen[order], pair[order]
-    before = np.where(np.diff(row, prepend=-1) == 0, np.roll(place, 1), 0.0)
-    both_so = (before > 0) & (mild[order] == np.roll(mild[order], 1))
-    same = np.maximum(SAME_MINIMUM * place, np.where(both_so, alike[row], 0.0))
-    first = np.flatnonzero(place - before > same)
-    row = row[first]
-    number, count = 1 + np.arange(len(row)) - np.searchsorted(row, row), np.bincount(row, minlength=pair[-1] + 1)
-    shape = len(count), int(count.max()) + 2
-    places, gentle, resting = np.full(shape, np.inf), np.zeros(shape, bool), np.zeros((*shape, LAYERS), bool)
-    places[:, 0], places[np.arange(len(count)), count + 1] = 0.0, np.pi / 2
-    places[row, number] = np.arcsin(np.sqrt(place[first]))
-    gentle[row, number] = np.logical_and.reduceat(mild[order], first)
-    resting[row, number] = np.logical_or.reduceat(at_rest[order], first)
-    return places, gentle, resting
-
 
 def _legs(
     way: CoordinateMotion, to: np.ndarray, x: np.ndarray, beyond: np.ndarray, jumps: Sequence[np.ndarray]
@@ -397,16 +194,6 @@ def _legs_between_turns(
     bottom, top = np.zeros(len(start)), np.full(len(start), np.pi)
     legs = [((begin, q), (q, begin)), ((q, top), (bottom, q)), ((bottom, begin), (begin, top))]
     return [(np.where(up, a, c), np.where(up, b, d)) for (a, b), (c, d) in legs]
-
-
-def _held(g: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """The places, outwards, of minima lower than all before, where motions come to rest; and the last one's.
-
-    So are stops that are lower: beyond them motions turn back where g is less smooth than elsewhere.
-    """
-    before = np.minimum.accumulate(g)
-    rests = np.flatnonzero((g[:-1] <= before[:-1]) & ((g[:-1] < g[1:]) | stop[:-1]))
-    return np.append(rests, len(g) - 1) if len(g) and g[-1] <= before[-1] else rests
 
 
 def past_centre(pair: np.ndarray, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from varcalc.numerics.proxies import Proxies, ProxyPanels, proxies, reduced
+from varcalc.optics.models.height_pairs import EPSILON, LAYERS
 from varcalc.optics.models.passage_tables import TabledPassages
-from varcalc.optics.models.passages import EPSILON, LAYERS, RayPassages
+from varcalc.optics.models.passages import RayPassages
 
 NEAREST = 1e-10
 """How close to an angle at which rays come to rest is looked, in units of what is known of it to round-off."""
@@ -18,6 +19,8 @@ RATE_STEP = 1e-6
 """Of the unknown, to take derivatives by it."""
 BREAK_OFFSET = 1e-9
 """Of the unknown, that much beside a break the passages are those of its side."""
+LEVEL_OFFSET = 1e-18
+"""The same beside level rays, where they are told better."""
 OF_USE = 1e-3
 """How well passages need be known to tell that nobody asks for them."""
 
@@ -46,11 +49,16 @@ class Spread:
     ) -> Spread:
         """Upright rays are one end of the rays of layers, and the middle of those about a smooth centre."""
         pairs, end = np.arange(len(distance)), 2.0 * (tabled.passages.count - 1)
-        spread = _TabledSpread(tabled, nearest, farthest, distance, within, np.ones(len(pairs), dtype=bool))
-        low = np.append(end - 1, end - 0.5)
-        panels = ProxyPanels.of(spread, np.tile(pairs, 2), low, low + 0.5)
-        plain = np.all(panels.fine.reshape(2, -1), axis=0)
-        return cls(tabled, nearest, farthest, distance, within, plain, panels.take(np.flatnonzero(np.tile(plain, 2))))
+        spread = _TabledSpread(
+            replace(tabled, at_once=True), nearest, farthest, distance, within, np.ones(len(pairs), dtype=bool)
+        )
+        halved = np.flatnonzero(~spread.short)
+        family, low = np.append(pairs, halved), np.append(end - 1, end[halved] - 0.5)
+        high = np.append(end - 0.5 * ~spread.short, end[halved])
+        panels = ProxyPanels.of(spread, family, low, high)
+        plain = panels.fine[: len(pairs)]
+        plain[halved] &= panels.fine[len(pairs) :]
+        return cls(tabled, nearest, farthest, distance, within, plain, panels.take(np.flatnonzero(plain[family])))
 
     @property
     def passages(self) -> RayPassages:
@@ -69,11 +77,18 @@ class Spread:
         upright = 0.0 if self.passages.profile.about_centre else EPSILON
         known = np.where(number == count - 1, upright, self.passages.rounded[pair, number])
         offset = half * np.where(self.mild(pair, number), 2 * np.sin(np.pi / 4 * away) ** 2, _share(known, half, away))
+        first = np.flatnonzero(self.level(pair, number))
+        times = np.arcsinh(half[first] / self.passages.level[pair[first]])
+        offset[first] = half[first] * np.sinh(times * away[first]) / np.sinh(times)
         return np.where(away >= 1, low + half, np.where(upper, breaks[pair, number] - offset, low + offset))
 
     def mild(self, pair: np.ndarray, number: np.ndarray) -> np.ndarray:
         """Whether passages of pairs (m,) are smooth in the root of the angle from breaks (m,): none rests."""
         return self.passages.mild[pair, number] | (self.plain[pair] & (number == self.passages.count[pair] - 1))
+
+    def level(self, pair: np.ndarray, number: np.ndarray) -> np.ndarray:
+        """Whether breaks (m,) of pairs (m,) are level rays about which passages are smooth."""
+        return (number == 0) & (self.passages.level[pair] > 0)
 
     def angle_rates(self, pair: np.ndarray, at: np.ndarray) -> np.ndarray:
         """The derivatives of the angles by the unknown (m,), about."""
@@ -120,7 +135,7 @@ class Spread:
 
     def inside(self, at: np.ndarray, way: int) -> np.ndarray:
         """Next to a break, where ``at`` (P,) are breaks."""
-        return np.where(at % 2 == 0, at + way * BREAK_OFFSET, at)
+        return np.where(at % 2 == 0, at + way * np.where(at == 0, LEVEL_OFFSET, BREAK_OFFSET), at)
 
     def beyond(self, family: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Which passages (P, 6) are longer than is asked for, in either way, or too short with all others.
@@ -159,11 +174,21 @@ class Spread:
         return ~((most + beside < self.nearest[family]) | (least - beside > self.farthest[family]))
 
     def series(self) -> Proxies:
-        """Series that stand for them, to begin with four in each interval."""
-        panels = 4 * (self.passages.count - 1) - 2 * self.plain  # the last two are there
+        """Series that stand for them, to begin with four in each interval, two in one that is short."""
+        count = self.passages.count
+        panels = 4 * (count - 1) - 2 * self.plain - self.short  # the last ones are there
         family = np.repeat(np.arange(len(panels)), panels)
-        low = (np.arange(len(family)) - np.repeat(np.cumsum(panels) - panels, panels)) / 2
-        return proxies(self, family, low, low + 0.5, self.panels)
+        number = np.arange(len(family)) - np.repeat(np.cumsum(panels) - panels, panels)
+        beyond = np.where(self.short[family], number - 4 * (count[family] - 2), -1)
+        low = (number + (beyond > 0)) / 2
+        return proxies(self, family, low, low + np.where(beyond == 0, 1.0, 0.5), self.panels)
+
+    @property
+    def short(self) -> np.ndarray:
+        """Whether (p,) the last interval is that of rays steeper than any that come back, along which g is smooth."""
+        count = self.passages.count
+        limited = self.passages.mild[np.arange(len(count)), count - 2] & (len(self.passages.profile.stops) == 0)
+        return limited & (count > 2)
 
 
 class _TabledSpread(Spread):
