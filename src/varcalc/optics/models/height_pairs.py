@@ -20,7 +20,7 @@ ROOM = 8
 """Parts of a range to which it is rounded outwards."""
 SAME_MINIMUM = 1e-15
 """Of g: minima that differ by less are one."""
-ALIKE = 64 * float(np.finfo(float).eps)
+ALIKE = 256 * float(np.finfo(float).eps)
 """Of how much g varies: minima of so nearly one height are one, for g is not told much better over them all."""
 DARK = 1e-6
 """Of g: where it is less, upright rays turn at an index that is all but nothing."""
@@ -207,6 +207,9 @@ class HeightPairs:
         mild |= self._limits(pair, node, fallen)
         # a window between two places of one kind, of heights alike but for what g is told to, is none
         alike = ALIKE * np.minimum(self._variation[0], 1.0)
+        with np.errstate(all="ignore"):  # where changes overflow g is told to its own round-off
+            lost = ~np.isfinite(self.profile.changes(base, self.nodes.u[node] - base)[0])
+        alike[pair[lost]] = np.maximum(alike[pair[lost]], 4 * EPSILON)
         return _padded(pair, fallen, mild, at_rest, alike)
 
     def _limits(self, pair: np.ndarray, node: np.ndarray, fallen: np.ndarray) -> np.ndarray:
