@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from varcalc.numerics.mesh import apart
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution, Status
@@ -21,12 +22,17 @@ def on_closer_meshes(problem: Functional, solved: Callable[[Functional], Solutio
     """
     first = solution = solved(problem)
     missed = None if solution is None else unseen_where_broken(solution)
-    known, beyond = list[float](), False
+    known, again, beyond = list[float](), first, False
     for _ in range(CLOSER_MESHES):
         if missed is None or solution is None or not isinstance(problem, Problem):
             break
-        known, beyond = known + missed.marks.tolist(), beyond or missed.beyond
-        again = solved(problem.restated(breakpoints=[*problem.breakpoints, *known]))
+        new = apart(missed.marks.tolist(), [*problem.span, *problem.breakpoints])
+        both, beyond = known + apart(new, [*problem.span, *problem.breakpoints, *known]), beyond or missed.beyond
+        # where those of all meshes together lead nowhere, the last may: it is looked at like any other
+        for known in (both, new) if known else (new,):
+            again = solved(problem.restated(breakpoints=[*problem.breakpoints, *known]))
+            if again is not None and again.status.ok:
+                break
         if again is None or not again.status.ok:
             why = "no curve that is broken where it should be was found" if again is None else again.message
             message = f"{missed.sentence}, and on a mesh that can there was no answer: {why}"

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation.numbers import Numbers
+from varcalc.numerics.mesh import apart
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
 from varcalc.problem.functional import Functional, Symbols
 from varcalc.symbolic.derived import Cache, derived
@@ -22,10 +23,6 @@ Sampled = Callable[[np.ndarray], np.ndarray]
 
 Waypoints = tuple[tuple[float, tuple[float, ...]], ...]
 """Abscissae, and the values demanded there."""
-
-
-NEAREST_KNOTS = 64.0 * np.finfo(float).eps
-"""Distance, in units of the abscissae, within which two vertices are one: elements between them hold round-off only."""
 
 
 @dataclass(frozen=True)
@@ -235,12 +232,7 @@ class Form:
 
     def on_mesh(self, vertices: Sequence[float]) -> Form:
         """The form with more ``vertices`` that every mesh has, but those within round-off of others or of an end."""
-        known = [*self.span, *self.conditions.knots]
-        apart = NEAREST_KNOTS * max(map(abs, self.span))
-        for vertex in vertices:
-            if min(abs(vertex - other) for other in known) > apart:
-                known.append(vertex)
-        knots = tuple(sorted(known[2:]))
+        knots = tuple(sorted([*self.conditions.knots, *apart(vertices, [*self.span, *self.conditions.knots])]))
         if knots == self.conditions.knots:
             return self
         return replace(self, conditions=replace(self.conditions, knots=knots), cache=Cache())

@@ -12,7 +12,7 @@ degree (Szabo and Babuska, "Finite Element Analysis", sect. 3.1, for m = 1).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -21,6 +21,8 @@ from numpy.polynomial import legendre
 
 FEW_POINTS = 16
 """Points of Gauss's rule up to which the weights of NumPy are as good as any."""
+NEAREST_VERTICES = 64.0 * np.finfo(float).eps
+"""Distance, in units of the abscissae, within which two vertices are one: elements between them hold round-off only."""
 FEW = 2000
 """Points at which a curve is evaluated at a time, the coefficients laid out for each of them."""
 
@@ -158,6 +160,20 @@ def interpolation(smoothness: int, degree: int) -> np.ndarray:
     table = basis(smoothness, degree, lobatto(degree), 0)[0]
     table.setflags(write=False)
     return table
+
+
+def apart(vertices: Iterable[float], standing: Sequence[float]) -> list[float]:
+    """Those of some new vertices that are no nearer than round-off to one another, or to those that are standing.
+
+    >>> apart([0.5, 1.0 - 1e-16, 0.5 + 1e-16], [0.0, 1.0])
+    [0.5]
+    """
+    nearest = NEAREST_VERTICES * max(map(abs, standing), default=0.0)
+    found: list[float] = []
+    for vertex in vertices:
+        if all(abs(vertex - other) > nearest for other in (*standing, *found)):
+            found.append(vertex)
+    return found
 
 
 def composite_gauss(vertices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
