@@ -29,10 +29,11 @@ def on_closer_meshes(problem: Functional, solved: Callable[[Functional], Solutio
         new = apart(missed.marks.tolist(), [*problem.span, *problem.breakpoints])
         both, beyond = known + apart(new, [*problem.span, *problem.breakpoints, *known]), beyond or missed.beyond
         # where those of all meshes together lead nowhere, the last may: it is looked at like any other
-        for known in (both, new) if known else (new,):
-            again = solved(problem.restated(breakpoints=[*problem.breakpoints, *known]))
+        for marks in (both, new) if known else (new,):
+            again = solved(problem.restated(breakpoints=[*problem.breakpoints, *marks]))
             if again is not None and again.status.ok:
                 break
+        known = marks
         if again is None or not again.status.ok:
             why = "no curve that is broken where it should be was found" if again is None else again.message
             message = f"{missed.sentence}, and on a mesh that can there was no answer: {why}"

@@ -217,7 +217,9 @@ def _moving(form: Form, surfaces: Surfaces, pieces: Sequence[Expression], contac
         integrand = ca.if_else(s.x < place, integrand, piece)
     integrand = problem.sign * integrand
     coordinates = replace(form.coordinates, stated=Stated(s, integrand, integrand), numbers=None)
-    within = [place for c in contacts for place, _ in changes if c.start < place < c.end]
+    # at rest no more is asked of the middle than of any other place
+    along = [c for c in contacts if not surfaces.steep(c)]
+    within = [place for c in along for place, _ in changes if c.start < place < c.end]
     knots = {*form.conditions.knots, *within}
     conditions = replace(form.conditions, pathwise=surfaces.conditions, knots=tuple(sorted(knots)))
     return replace(form, coordinates=coordinates, conditions=conditions, cache=Cache(), elsewhere=None)
