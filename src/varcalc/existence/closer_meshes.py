@@ -22,18 +22,17 @@ def on_closer_meshes(problem: Functional, solved: Callable[[Functional], Solutio
     """
     first = solution = solved(problem)
     missed = None if solution is None else unseen_where_broken(solution)
-    known, again, beyond = list[float](), first, False
+    known, beyond = list[float](), False
     for _ in range(CLOSER_MESHES):
         if missed is None or solution is None or not isinstance(problem, Problem):
             break
         new = apart(missed.marks.tolist(), [*problem.span, *problem.breakpoints])
         both, beyond = known + apart(new, [*problem.span, *problem.breakpoints, *known]), beyond or missed.beyond
         # where those of all meshes together lead nowhere, the last may: it is looked at like any other
-        for marks in (both, new) if known else (new,):
-            again = solved(problem.restated(breakpoints=[*problem.breakpoints, *marks]))
-            if again is not None and again.status.ok:
-                break
-        known = marks
+        again = _solved_with(problem, solved, both)
+        if (again is None or not again.status.ok) and known:
+            both, again = new, _solved_with(problem, solved, new)
+        known = both
         if again is None or not again.status.ok:
             why = "no curve that is broken where it should be was found" if again is None else again.message
             message = f"{missed.sentence}, and on a mesh that can there was no answer: {why}"
@@ -45,6 +44,13 @@ def on_closer_meshes(problem: Functional, solved: Callable[[Functional], Solutio
     # where it was right the first mesh has more digits
     kept = first is not None and solution is not None and not beyond and agree(first, solution)
     return first if kept else solution
+
+
+def _solved_with(
+    problem: Problem, solved: Callable[[Functional], Solution | None], marks: list[float]
+) -> Solution | None:
+    """What a way of solving comes to with more breakpoints."""
+    return solved(problem.restated(breakpoints=[*problem.breakpoints, *marks]))
 
 
 def agree(first: Solution, second: Solution) -> bool:
