@@ -31,6 +31,8 @@ SMOOTH = 6
 """Power of t that a curve grows with next to an end where no whole power of t is all of it."""
 LARGEST_POWER = 40
 """Largest power of t in x: a step of a twentieth in t leaves numbers that can still be squared."""
+MOST_WHOLE = 2 * LARGEST_DENOMINATOR
+"""Largest denominator, and numerator, of a power that is taken for a fraction."""
 SAME_MOMENTUM = 1e-3
 """Slopes by which it is seen that the momentum is the same at both distances, and its relative change that is none:
 the least power that counts, a twelfth, changes it by a third."""
@@ -105,7 +107,9 @@ def singular_ends_of(problem: Problem) -> tuple[SingularEnd | None, SingularEnd 
     with np.errstate(all="ignore"):
         found = problem.integrand_derivatives(places.ravel(), y.ravel()[None], np.full((1, 4), slope))
         hessian = problem.sign * found.hessian.reshape(2, 2, 3, 3)
-        pull, momentum = found.gradient[:, 1].reshape(2, 2), hessian[:, :, 2, 2]
+        # what L_y is beside its part that grows with y, whose powers are those of L_yy
+        pull = (problem.sign * found.gradient[:, 1]).reshape(2, 2) - y * hessian[:, :, 1, 1]
+        momentum = hessian[:, :, 2, 2]
         second = np.stack([hessian[:, :, 1, 1], hessian[:, :, 1, 2], momentum], axis=1)
         ends = [singular_end(float(points[k, 0]), steps[k], second[k]) for k in (0, 1)]
         return _pulled(ends[0], steps[0], pull[0], momentum[0]), _pulled(ends[1], steps[1], pull[1], momentum[1])
@@ -179,17 +183,17 @@ def growth(problem: Problem, place: float, toward: float) -> float | None:
 
 
 def whole_powers(exponent: float, steps: Sequence[float] = ()) -> tuple[int, int]:
-    """(b, q) with q / b the exponent and b times each of the ``steps`` whole, where all are fractions of small numbers.
+    """(b, q) with q / b the exponent, b times each of the ``steps`` being whole or so much that the rest is smooth.
 
-    Else q / b is not above the exponent, and b large.
+    Where the exponent is no fraction of small numbers, q / b is not above it, and b large.
     """
-    values = [exponent, *filter(_broken, steps)]
-    for b in range(1, 2 * LARGEST_DENOMINATOR + 1):
-        q = round(b * exponent)
-        if 0 < q <= 2 * LARGEST_DENOMINATOR and all(abs(v - round(b * v) / b) <= MEASURED for v in values):
+    known = [(v, v - exponent if v > exponent else v) for v in steps if _broken(v)]
+    for b in range(1, LARGEST_POWER + 1):
+        q, few = round(b * exponent), b <= MOST_WHOLE
+        whole = 0 < q <= (MOST_WHOLE if few else LARGEST_POWER) and abs(exponent - q / b) <= MEASURED
+        if whole and all((few and abs(v - round(b * v) / b) <= A_FRACTION) or b * gap >= SMOOTH for v, gap in known):
             return b, q
-    gaps = [exponent, *(v - exponent if v > exponent else v for v in values[1:])]
-    b = min(math.ceil(SMOOTH / min(gaps)), LARGEST_POWER)
+    b = min(math.ceil(SMOOTH / min([exponent, *(gap for _, gap in known)])), LARGEST_POWER)
     return b, max(1, math.floor(b * exponent + MEASURED))
 
 
