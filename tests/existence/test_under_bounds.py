@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import varcalc as vc
+from varcalc.existence.under_bounds import UnderBounds
 
 TIP, DEPTH, FRICTION = 0.3141, 0.6, 0.3
 
@@ -91,3 +92,51 @@ def test_what_is_above_a_polygon_is_no_minimum():
     solution = vc.solve(problem, throw=False)
     after = np.linspace(0.75, 1.0, 6)
     assert not solution.status.ok or np.ptp(solution.y(after)) > 1e-3
+
+
+def stepped(price, level):
+    """Motion that costs more at or below a level."""
+    return lambda x, y, v: v**2 / 2 + price * ca.if_else(y > level, 0, 1)
+
+
+def through_a_jump(rise, fall, span, price):
+    """The least of both stretches of a straight way that goes through a jump, by where it does."""
+    share = np.linspace(0, 1, 2_000_001)[1:-1] * span
+    return float((rise**2 / (2 * share) + fall**2 / (2 * (span - share)) + price * (span - share)).min())
+
+
+@pytest.mark.parametrize("width", [3e-2, 1e-3])
+def test_a_jump_is_gone_through_for_the_tip_of_a_spike_and_come_back_through(width):
+    """Beyond the jump it is cheaper, and the only way past the spike is before it."""
+    price, level, ends = 2.0, 0.1, 0.3
+    problem = over_a_spike(lambda x: ca.fmax(0, 1 - ca.fabs(x - 0.2) / width), stepped(price, level), ends, ends)
+    solution = vc.solve(problem, throw=False)
+    down, tip = ends - level, TIP + 0.2
+    value = sum(through_a_jump(down, level + 0.2, span, price) for span in (tip, 1 - tip))
+    assert solution.status.ok
+    assert not solution.local
+    assert abs(solution.value - value) <= 1e-9
+    assert abs(solution.y(tip) + 0.2) <= 1e-9
+
+
+def test_a_curve_rests_on_the_cheaper_side_of_a_jump_before_it_falls_to_a_tip():
+    price, level, width = 2.0, 0.1, 2e-2
+    problem = over_a_spike(lambda x: ca.fmax(0, 1 - ca.fabs(x - 0.4) / width), stepped(price, level), -0.1, -0.2)
+    solution = vc.solve(problem, throw=False)
+    tip, pace = TIP + 0.4, math.sqrt(2 * price)  # at rest beside the jump, what it loses there is its energy
+    # up to the level at the pace, along it, and down to the tip: each moving stretch costs pace times height
+    along = pace * (level + 0.1 + level + 0.2)
+    assert (level + 0.1 + level + 0.2) / pace < tip
+    after = price * (1 - tip)
+    assert solution.status.ok
+    assert abs(solution.value - along - after) <= 1e-9
+
+
+def test_what_is_above_a_polygon_of_another_valley_is_said_to_be_local():
+    problem = over_a_spike(lambda x: ca.fmax(0, 1 - ca.fabs(x) / 1e-3), stepped(2.0, 0.1), 0.3, 0.3)
+    solution = vc.solve(problem)
+    lower = UnderBounds(None, solution.value - 0.1, several=True).judged(solution)
+    assert lower.local
+    assert lower.lower == solution.value - 0.1
+    assert "a polygon has the value" in lower.message
+    assert UnderBounds(None, solution.value + 1e-4, several=True).judged(solution) is solution

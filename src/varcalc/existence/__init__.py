@@ -10,8 +10,8 @@ kinks that may lie anywhere; ``closer_meshes`` sees that nothing lies between th
 
 Where L has kinks or jumps: ``refraction``, begun from what ``rounded`` or polygons show and solved ``in_pieces``;
 ``rests``, ``held_throughout``, ``held_ends``, ``constant_speed`` and ``above_kinks``; ``under_bounds``, begun from
-``polygons_under_bounds``, where bounds are touched beside convex kinks; ``total_variation`` of what is
-``linear_between`` kinks, by ``placed_lines`` of ``least_paths`` and ``on_level``.
+``polygons_under_bounds``, where bounds are touched beside convex kinks, and from ``jumps_under_bounds`` where L jumps;
+``total_variation`` of what is ``linear_between`` kinks, by ``placed_lines`` of ``least_paths`` and ``on_level``.
 
 Before anything is solved ``no_room`` tells of bounds that no curve keeps. Where no method had an answer,
 ``second_look`` asks in turn: ``feasibility`` (levels out of reach), ``falling`` (no

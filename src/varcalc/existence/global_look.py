@@ -42,6 +42,7 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import PROVED, Solution
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.variation import gentle_across
+from varcalc.verify.between import keeps_bounds
 from varcalc.verify.slopes import concave_beside
 
 if TYPE_CHECKING:
@@ -596,11 +597,21 @@ def _by_moved_polygon(best: Solution, lattice: Valleys, valley: Valley, polish: 
 def _by_polygon(best: Solution, lattice: Valleys, valley: Valley, *, followed: bool) -> Solution | None:
     """The known solution marked where a polygon is lower, whose value says nothing of what is lowest there."""
     value, known = _along(lattice.landscape, valley), not math.isnan(valley.summed)
-    if not _is_lower(value, best, 0.0, LOWER if known else SURELY_LOWER):
+    if not _is_lower(value, best, 0.0, LOWER if known else SURELY_LOWER) or _goes_through_bounds(best, lattice, valley):
         return None
     tried = LED_NOWHERE if followed else "was not followed: solve by Ritz()"
     kind = "curve of cubic pieces" if known else "polygon"
     return _marked(best, f"a {kind} has the value {value:.6g}, and {tried}")
+
+
+def _goes_through_bounds(best: Solution, lattice: Valleys, valley: Valley) -> bool:
+    """Whether the polygon of a graph of one function breaks a bound between the points of the rules that sum it."""
+    if not any(best.problem.of_type(Bound)) or valley.y.ndim > 1 or best.problem.n > 1 or best.problem.order > 1:
+        return False
+    from varcalc.existence.directions import polygonal
+
+    curve = polygonal(valley.x, lattice.landscape.along(valley)(valley.x))
+    return not keeps_bounds(replace(best, curve=curve, x=valley.x, extremal=None))
 
 
 def _marked(best: Solution, known: str) -> Solution:

@@ -165,16 +165,24 @@ def moved(landscape: Pieced, x: np.ndarray, y: np.ndarray, moves: np.ndarray) ->
     """
     nodes = y[:, :, None] + moves
     added = landscape.costs(x, nodes)
-    barred = np.where((landscape.kept(x)[:, None] & (moves != 0)).any(-1), np.inf, 0.0)  # (K + 1, S)
-    reached = landscape.at_end(0, nodes[:, 0]) + barred[0]
-    before = []
-    for k in range(len(x) - 1):
-        sums = reached[:, :, None] + added[:, k] + barred[k + 1]
+    barred = np.where((landscape.kept(x)[:, None] & (moves != 0)).any(-1), np.inf, 0.0)[None].repeat(len(y), 0)
+    barred[:, 0] += landscape.at_end(0, nodes[:, 0])
+    barred[:, -1] += landscape.at_end(1, nodes[:, -1])
+    return least_through(nodes, added, barred)
+
+
+def least_through(nodes: np.ndarray, added: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least curves (P, K + 1, k) through one of the nodes (P, K + 1, S, k) of each row, and their values (P,).
+
+    What pieces add is (P, K, S, S), and what nodes add ``there`` (P, K + 1, S).
+    """
+    reached, before = there[:, 0], list[np.ndarray]()
+    for k in range(added.shape[1]):
+        sums = reached[:, :, None] + added[:, k] + there[:, k + 1, None]
         before.append(np.argmin(sums, axis=1))
         reached = np.min(sums, axis=1)
-    reached = reached + landscape.at_end(1, nodes[:, -1])
     path = [np.argmin(reached, axis=1)]
     for back in reversed(before):
-        path.insert(0, back[np.arange(len(y)), path[0]])
+        path.insert(0, back[np.arange(len(nodes)), path[0]])
     chosen = np.stack(path, axis=1)[:, :, None, None]
     return np.take_along_axis(nodes, chosen, axis=2)[:, :, 0], reached.min(axis=1)

@@ -98,11 +98,7 @@ def _with_crossings(
     if known.solution is not None:
         return known.solution
     solution = _clear_of_bounds(problem, method, tol, guess) or _as_rounded(problem, method, tol, guess)
-    if solution is not None and solution.status.ok and not known.admits(solution):
-        return no_answer(
-            problem, method, Status.NOT_CONVERGED, "a polygon is lower than every broken curve that was found"
-        )
-    return solution
+    return None if solution is None else known.judged(solution)
 
 
 def _as_rounded(problem: Problem, method: Ritz, tol: float, guess: Sampled | None) -> Solution | None:

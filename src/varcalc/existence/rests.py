@@ -240,6 +240,7 @@ class Surfaces:
         ]
         self.conditions: tuple[SideCondition, ...] = (*kinks, *bounds)
         arguments = ca.vertcat(*(c.expression for c in self.conditions))
+        self.bounds = bounds
         self._values = ca.Function("surfaces", s.all, [ca.densify(arguments)])
         self.slopes = {c.index: bool(ca.depends_on(c.expression, s.dy)) for c in self.conditions}
 

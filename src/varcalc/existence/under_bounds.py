@@ -1,6 +1,7 @@
-"""Minima of convex kinks under bounds of the place, begun from polygons that show all contacts, however short they are.
+"""Minima of what switches under bounds of the place, begun from polygons that show all contacts, however short.
 
-Where they come one upon the other, every kink is a function of its own, on a mesh that holds the polygon.
+Where contacts with convex kinks come one upon the other, every kink is a function of its own, on a mesh that holds the
+polygon. Where L jumps, the least polygon is one of several valleys.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.directions import polygonal
+from varcalc.existence.jumps_under_bounds import least_beside_jumps
 from varcalc.existence.polygons_under_bounds import PolygonsUnderBounds, PolygonUnderBounds, runs
 from varcalc.existence.rests import at_contacts, treated
 from varcalc.formulation import Contact, Sampled, formulate
@@ -31,19 +33,40 @@ NO_LOWER = 1e-3
 
 
 class UnderBounds(NamedTuple):
-    """The minimum that touches bounds, or the refusal; None where it touches none. And what a polygon comes to."""
+    """The minimum that touches bounds, or the refusal; None where there is none. And what a polygon comes to.
+
+    What lies above that is no minimum, or where L jumps in one of ``several`` valleys.
+    """
 
     solution: Solution | None
     polygon: float
+    several: bool = False
 
     def admits(self, solution: Solution) -> bool:
         """Whether an answer is not above the polygon, whose value is known to a part of itself."""
         value = solution.problem.sign * solution.value
         return value <= self.polygon + NO_LOWER * max(abs(value), abs(self.polygon))
 
+    def judged(self, solution: Solution) -> Solution:
+        """An answer that was found otherwise: refused, or said to be local, where it is above the polygon."""
+        if not solution.status.ok or self.admits(solution):
+            return solution
+        problem = solution.problem
+        if not self.several:
+            message = "a polygon is lower than every broken curve that was found"
+            return no_answer(problem, solution.method, Status.NOT_CONVERGED, message)
+        kind, lower = "maximum" if problem.maximise else "minimum", problem.sign * self.polygon
+        message = f"a local {kind} only: a polygon has the value {lower:.6g}, and no curve near it stands"
+        return replace(solution, local=True, lower=lower, message=message)
+
 
 def least_under_bounds(problem: Problem, method: Ritz, tol: float, guess: Sampled | None) -> UnderBounds:
-    """The minimum that touches bounds, where L is a sum of convex kinks, and what else may be one has to beat."""
+    """The minimum under bounds, where L is a sum of convex kinks or jumps, and what else may be one has to beat."""
+    if guess is None and (beside := least_beside_jumps(problem)) is not None:
+        known = UnderBounds(None, beside.value, several=True)
+        solution = at_contacts(beside.surfaces, method, tol, beside.curve, beside.contacts)
+        found = solution is not None and as_held(problem, solution) and known.admits(solution)
+        return known._replace(solution=solution) if found else known
     form = formulate(problem)
     curve = guess or form.start.curve
     lifted = epigraph_form(form, curve) if _treated(problem) else None
