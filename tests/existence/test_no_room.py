@@ -41,7 +41,7 @@ def test_walls_that_leave_a_little_room_are_no_contradiction():
 
 
 def test_levels_that_contradict_each_other_are_told_of_before_broken_curves():
-    levels = [vc.Isoperimetric(lambda x, y, v: y, 1.0), vc.Isoperimetric(lambda x, y, v: y**2, 0.5)]
+    levels = [vc.Isoperimetric(lambda x, y, v: y, 1.0), vc.Isoperimetric(lambda x, y, v: 2 * y + x, 0.5)]
     problem = vc.Problem(LAGRANGIANS["friction"], vc.Fixed(0, 0), vc.Fixed(1, 0.2), levels)
     begun = time.process_time()
     assert vc.solve(problem, throw=False).verdict is vc.Verdict.INFEASIBLE

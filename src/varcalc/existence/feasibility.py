@@ -23,6 +23,7 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
+from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
@@ -213,6 +214,17 @@ class Contradiction:
             f"by {misses}; change a level, a bound or the ends"
         )
         return Finding(Verdict.INFEASIBLE, sentence)
+
+
+def sure_contradiction(problem: Functional) -> Contradiction | None:
+    """The contradiction between conditions that are met by a convex set of curves, if any; None elsewhere.
+
+    There the curve that misses them by least is the least of all; elsewhere it may be one of many, and proves nothing.
+    """
+    if not (isinstance(problem, Problem) and _can_contradict(problem)) or any(problem.slides):
+        return None
+    sure = proved_jointly_convex(_elastic(problem, _sizes(problem), SLOPE_WEIGHTS[0]))
+    return contradiction(problem) if sure else None
 
 
 @answered

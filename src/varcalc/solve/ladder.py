@@ -16,7 +16,7 @@ from varcalc.existence.approach import outdone
 from varcalc.existence.closer_meshes import CLOSER_MESHES, agree, on_closer_meshes
 from varcalc.existence.constant_speed import at_constant_speed
 from varcalc.existence.fading import attained
-from varcalc.existence.feasibility import contradiction, explained
+from varcalc.existence.feasibility import explained, sure_contradiction
 from varcalc.existence.global_look import FINE, IN_NARROW, Polish, has_lattice, looked_around
 from varcalc.existence.held_throughout import resting
 from varcalc.existence.polygons import Polygon
@@ -167,7 +167,7 @@ def _without_room(problem: Functional, method: Method) -> Solution | None:
         found = no_room(problem)
     # what switches leads to many curves, each of which would be held to levels that none can have
     levels = found is None and breakable(problem) and any(problem.of_type(Isoperimetric))
-    if levels and (contradicted := contradiction(problem)) is not None:
+    if levels and (contradicted := sure_contradiction(problem)) is not None:
         found = contradicted.finding
     return None if found is None else refused(no_answer(problem, method, Status.REFUSED, ""), found)
 

@@ -108,10 +108,14 @@ def singular_ends_of(problem: Problem) -> tuple[SingularEnd | None, SingularEnd 
         found = problem.integrand_derivatives(places.ravel(), y.ravel()[None], np.full((1, 4), slope))
         hessian = problem.sign * found.hessian.reshape(2, 2, 3, 3)
         # what L_y is beside its part that grows with y, whose powers are those of L_yy
-        pull = (problem.sign * found.gradient[:, 1]).reshape(2, 2) - y * hessian[:, :, 1, 1]
+        whole = (problem.sign * found.gradient[:, 1]).reshape(2, 2)
+        pull = whole - y * hessian[:, :, 1, 1]
         momentum = hessian[:, :, 2, 2]
         second = np.stack([hessian[:, :, 1, 1], hessian[:, :, 1, 2], momentum], axis=1)
         ends = [singular_end(float(points[k, 0]), steps[k], second[k]) for k in (0, 1)]
+        # where L_y drives a curve off the ordinate of the end however near it is, none that begins there is an extremal
+        driven = np.abs(steps**2 * whole / momentum)[:, 1] > REGULAR_SHARE * np.abs(points[:, 1]).max()
+        ends = [None if end is not None and end.euler and driven[k] else end for k, end in enumerate(ends)]
         return _pulled(ends[0], steps[0], pull[0], momentum[0]), _pulled(ends[1], steps[1], pull[1], momentum[1])
 
 

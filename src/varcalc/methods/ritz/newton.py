@@ -375,8 +375,8 @@ def minimise(
             nothing_left = decrement <= STAGNATED or _is_round_off(system, at, step, decrement)
             reason = _unmet(system, at) if nothing_left else "no step along the Newton direction descends"
             return Descent(z, multipliers, at.value, iteration, reason, gap=edged * step.decrement)
-        (z, at, length), before = following, decrement
-        lengths.append(length)
+        (z, at, length, blocked), before = following, decrement
+        lengths.append(length if blocked else 1.0)
         direct = direct and length == 1.0 and step.definite
         if iteration <= SETTLING:
             largest = max(largest, at.scale)
@@ -503,10 +503,10 @@ class _Merit:
 
 def _search(
     system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool
-) -> tuple[np.ndarray, Evaluation, float] | None:
+) -> tuple[np.ndarray, Evaluation, float, bool] | None:
     """Backtrack on the l1 merit function; trial curves outside the domain or the guard are rejected.
 
-    The curve, what is there, and the share of the step that was taken.
+    The curve, what is there, the share of the step that was taken, and whether twice as much was rejected for that.
 
     A full step along curved conditions leaves them by its square, which the merit
     function may not forgive however good the step (Maratos; Nocedal and Wright, sect. 18.3): it is then
@@ -514,21 +514,21 @@ def _search(
     """
     merit = _Merit(system, at, step)
 
-    def descends(trial: Evaluation, length: float) -> bool:
-        return bool(_finite(trial) and not (guarded and trial.legendre <= 0.0) and merit.falls(trial, length))
+    def admitted(trial: Evaluation) -> bool:
+        return bool(_finite(trial) and not (guarded and trial.legendre <= 0.0))
 
-    length = 1.0
+    length, blocked = 1.0, False
     while length > SMALLEST_STEP:
         moved = z + length * step.change
         trial = system.evaluate(moved)
-        if descends(trial, length):
-            return moved, trial, length
+        if admitted(trial) and merit.falls(trial, length):
+            return moved, trial, length, blocked
         if length == 1.0 and len(at.conditions) and _finite(trial):
             moved = moved + NullSpace(at.jacobian).back(trial.conditions)
             trial = system.evaluate(moved)
-            if descends(trial, length):
-                return moved, trial, length
-        length *= SHRINK
+            if admitted(trial) and merit.falls(trial, length):
+                return moved, trial, length, blocked
+        length, blocked = length * SHRINK, not admitted(trial)
     return None
 
 
