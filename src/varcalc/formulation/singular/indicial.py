@@ -86,10 +86,10 @@ def singular_end(place: float, steps: np.ndarray, second: np.ndarray) -> Singula
     if not (np.isfinite(second).all() and (pp > 0).all()):
         return None
     growth = math.log(mixed[0] / mixed[1]) / ratio if mixed[0] * mixed[1] > 0 else 0.0
-    bent, turned = yy, growth * mixed / steps
-    if abs(bent[1] - turned[1]) < LEFT_OVER * (abs(bent[1]) + abs(turned[1])):
+    mixed_rate = growth * mixed / steps  # d/dx L_yy'
+    if abs(yy[1] - mixed_rate[1]) < LEFT_OVER * (abs(yy[1]) + abs(mixed_rate[1])):
         return None
-    shares = steps**2 * (bent - turned) / pp
+    shares = steps**2 * (yy - mixed_rate) / pp
     power = math.log(pp[0] / pp[1]) / ratio
     follow = (math.log(shares[0] / shares[1]) / ratio,) if shares[0] * shares[1] > 0 else ()
     regular = abs(power) < REGULAR_POWER and abs(shares[1]) < REGULAR_SHARE
