@@ -45,7 +45,7 @@ from varcalc.problem.reading import names, text
 from varcalc.solution import Solution, Status, Verdict, no_answer
 from varcalc.verify.between import keeps_bounds
 
-MEETS = "where the equations of a smooth problem do not hold"
+NOT_SMOOTH_THERE = "where the equations of a smooth problem do not hold"
 """What is wrong with a curve that meets a switch of which its mesh knows nothing."""
 
 FOLLOWED = (4.0, 40.0, 400.0)
@@ -369,7 +369,12 @@ def with_what_switches(failure: Solution) -> Solution:
     """The failure of a method that solves smooth equations, which names what is not smooth in the problem."""
     problem = failure.problem
     switch = next((s for s in on_curve(problem) if not s.smooth), None)
-    if switch is None or isinstance(failure.method, Ritz) or failure.verdict is not None or MEETS in failure.message:
+    if (
+        switch is None
+        or isinstance(failure.method, Ritz)
+        or failure.verdict is not None
+        or NOT_SMOOTH_THERE in failure.message
+    ):
         return failure
     name = type(failure.method).__name__
     message = f"the problem has {described(problem, switch)}, which {name} does not treat: try Ritz ({failure.message})"
@@ -402,5 +407,5 @@ def smooth_or_refused(solution: Solution) -> Solution:
     missed = [c for c in missed if not c.switch.smooth]
     if not missed:
         return solution
-    message = f"{sentence(problem, missed[0])}, {MEETS}"
+    message = f"{sentence(problem, missed[0])}, {NOT_SMOOTH_THERE}"
     return replace(solution, status=Status.NOT_CONVERGED, message=message)
