@@ -237,7 +237,7 @@ def _next_to_polygon(problem: Functional, tol: float, method: Ritz, polygon: Pol
 
 
 def _next_to(problem: Functional, tol: float, method: Ritz, start: Sampled, marks: tuple[float, ...] = ()) -> Solution:
-    known = _broken(problem, method, tol, start, marks)
+    known = _broken(problem, method, tol, start, marks, LADDER[0])
     if known is not None:
         return known
     return (
@@ -328,12 +328,13 @@ def _climbed(problem: Functional, tol: float, guess: Guess, told: Told) -> Solut
         unguided = not failures and guess is None and not solution.status.ok and solution.verdict is None
         if unguided and not _without_x(problem):
             solution = _from_polygons(problem, tol, told) or solution
-        if not solution.status.ok:
-            solution = _once_more(solution, method, tol)
-        # what is all but free to move along itself may stand where round-off holds it: quadrature says where it belongs
-        degenerate = solution.verdict is Verdict.DEGENERATE
         if not failures and not solution.status.ok:
             solution = _kinked(problem, method, tol) or solution
+        if not solution.status.ok:
+            solution = _once_more(solution, method, tol)
+        # what is all but free to move along itself may stand where round-off holds it: quadrature says where it lies,
+        # except where L is quadratic, and all such curves are worth the same
+        degenerate = solution.verdict is Verdict.DEGENERATE and not proved_quadratic(problem)
         if solution.status.ok or (solution.verdict is not None and not degenerate):
             return solution
         failures.append(solution)
@@ -460,16 +461,24 @@ def _on_mesh(problem: Functional, method: Ritz, tol: float, start: Sampled, vert
 
 
 def _broken(
-    problem: Functional, method: Method, tol: float, guess: Guess, marks: Sequence[float] = ()
+    problem: Functional,
+    method: Method,
+    tol: float,
+    guess: Guess,
+    marks: Sequence[float] = (),
+    refining: Ritz | None = None,
 ) -> Solution | None:
-    """The answer of the direct method in pieces, or a refusal, where its curve meets what switches; None elsewhere."""
+    """The answer of the direct method in pieces, or a refusal, where its curve meets what switches; None elsewhere.
+
+    A mesh that is not of the person's own is refined as ``refining`` does.
+    """
     if not (isinstance(method, Ritz) and breakable(problem)):
         return None
     held = on_closer_meshes(problem, lambda marked: resting(marked, method))
     if held is not None:
         return held
     start = _sampled(problem, formulate(problem), guess)
-    found = at_constant_speed(problem, method, tol, start)
+    found = at_constant_speed(problem, refining or method, tol, start)
     if found is not None and unseen(found) is None and as_stated(found):
         return found
     return on_closer_meshes(problem, lambda marked: refracted(marked, method, tol, start, marks))

@@ -89,7 +89,9 @@ def test_beyond_the_widest_distance_the_iteration_ends_above_the_axis_with_a_rea
 
 def test_without_the_guard_a_soap_film_slides_below_its_axis(monkeypatch):
     search = newton._search
-    monkeypatch.setattr(newton, "_search", lambda system, z, at, step, guarded: search(system, z, at, step, False))
+    monkeypatch.setattr(
+        newton, "_search", lambda system, z, at, step, _, last: search(system, z, at, step, False, last)
+    )
     a = WIDEST + 0.1
     system, outcome = iterate(soap_film(a), sagging(a, 0.05), elements=6)
     assert system.ordinates(outcome.z).min() < 0

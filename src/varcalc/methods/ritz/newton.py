@@ -48,6 +48,10 @@ They go along a bent valley, where what each gains says nothing of what is left.
 ARMIJO = 1e-4
 SHRINK = 0.5
 SMALLEST_STEP = 1e-10
+REGROWTH = 2.0**6
+"""How many times the share of the last step is the first that is tried where a whole step does not descend.
+
+Against a kink shares stay as small as 2^-30 for dozens of steps, and each would be halved so many times again."""
 SHORT_STEP, SHORTER_IN_A_ROW = 2.0**-16, 4
 """A share of Newton's step, and how many in a row are each less than the one before, that lead nowhere any more.
 
@@ -356,7 +360,7 @@ def minimise(
     guarded = at.legendre > 0.0 and len(at.conditions) == 0
     enough = _enough(at, tol, edged=edged)
     begun, largest, direct, before = at.scale, at.scale, True, 0.0
-    lengths: list[float] = []
+    length, blocked_lengths = 1.0, list[float]()
     for iteration in range(1, newton.iterations + 1):
         step = newton_step(system, at, multipliers)
         if step is None:
@@ -370,13 +374,13 @@ def minimise(
             ended = _ended(system, z, at, step, iteration, direct=direct, edged=edged)
             if math.isfinite(ended.value):
                 return ended
-        following = None if _aground(lengths) else _search(system, z, at, step, guarded)
+        following = None if _aground(blocked_lengths) else _search(system, z, at, step, guarded, length)
         if following is None:
             nothing_left = decrement <= STAGNATED or _is_round_off(system, at, step, decrement)
             reason = _unmet(system, at) if nothing_left else "no step along the Newton direction descends"
             return Descent(z, multipliers, at.value, iteration, reason, gap=edged * step.decrement)
         (z, at, length, blocked), before = following, decrement
-        lengths.append(length if blocked else 1.0)
+        blocked_lengths.append(length if blocked else 1.0)
         direct = direct and length == 1.0 and step.definite
         if iteration <= SETTLING:
             largest = max(largest, at.scale)
@@ -502,11 +506,12 @@ class _Merit:
 
 
 def _search(
-    system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool
+    system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool, last: float
 ) -> tuple[np.ndarray, Evaluation, float, bool] | None:
     """Backtrack on the l1 merit function; trial curves outside the domain or the guard are rejected.
 
-    The curve, what is there, the share of the step that was taken, and whether twice as much was rejected for that.
+    The curve, what is there, the share of the step that was taken, and whether the longer one tried before was rejected
+    for that. Of the step before the share ``last`` was taken.
 
     A full step along curved conditions leaves them by its square, which the merit
     function may not forgive however good the step (Maratos; Nocedal and Wright, sect. 18.3): it is then
@@ -528,7 +533,7 @@ def _search(
             trial = system.evaluate(moved)
             if admitted(trial) and merit.falls(trial, length):
                 return moved, trial, length, blocked
-        length, blocked = length * SHRINK, not admitted(trial)
+        length, blocked = min(length, REGROWTH * last) * SHRINK, not admitted(trial)
     return None
 
 
