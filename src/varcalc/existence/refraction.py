@@ -301,7 +301,8 @@ def _least(
         if held is not None and as_held(problem, held):
             return held
     # what turns where friction holds it comes to rest; kinks of the place alone are for corners that move
-    turning = any(c.switch.depends_on(problem.symbols.highest) and not _points_up(problem, curve, c) for c in found)
+    kinks = [c for c in found if c.switch.depends_on(problem.symbols.highest) and not c.switch.jumps]
+    turning = any(not _points_up(problem, curve, c) for c in kinks)
     rests = turning or (found and any(problem.of_type(Bound))) or along_jumps(problem, curve)
     alone = riding and all(c.until is not None for c in found)
     ways = [with_rests, settled] if rests else [settled, with_rests] if alone else [settled] if found else []
