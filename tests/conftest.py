@@ -27,7 +27,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--everything",
         action="store_true",
-        help="meet every transformation of every reference by every method, not only by the ladder and a part by each",
+        help="meet every transformation of every reference by every method, not only by the ladder and a part by each, "
+        "and every member of each class, those that tests/further_members.txt names as well",
     )
     parser.addoption(
         "--pages",
@@ -38,9 +39,35 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What takes longest is begun first: begun last, it would keep the other workers waiting."""
+FURTHER_MEMBERS = Path(__file__).parent / "further_members.txt"
+"""Names tests with parameters that take a second or more, each with another one of the same function beside it."""
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """What takes longest is begun first: begun last, it would keep the other workers waiting.
+
+    Further members of a class are left out where nobody asks for them by name or for everything.
+    """
     items.sort(key=lambda item: item.get_closest_marker("longest") is None)
+    if config.getoption("--everything") or any("::" in argument for argument in config.args):
+        return
+    further = set(FURTHER_MEMBERS.read_text(encoding="utf-8").splitlines())
+    left_out = [item for item in items if item.nodeid in further]
+    _hold_to_classes(further, items)
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item.nodeid not in further]
+
+
+def _hold_to_classes(further: set[str], items: list[pytest.Item]) -> None:
+    """Refuse names of what is not there, and those that leave no member of a function to stand for the others."""
+    names = {item.nodeid for item in items}
+    files = {name.split("::")[0] for name in names}
+    missing = sorted(name for name in further - names if name.split("::")[0] in files)
+    kept = {name.split("[")[0] for name in names - further}
+    bare = sorted({name.split("[")[0] for name in further & names} - kept)
+    if missing or bare:
+        raise pytest.UsageError(f"{FURTHER_MEMBERS.name} names no tests: {missing}, or all of a function: {bare}")
 
 
 def pytest_collection_finish() -> None:
