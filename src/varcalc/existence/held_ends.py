@@ -70,12 +70,12 @@ def held_by_a_bound(problem: Functional, solved: Callable[[Problem], Solution]) 
         return None
     for end in free:
         reached = float(about.curve(np.array([problem.span[end]]), 0)[0, 0])
-        if _admitted(problem, end, reached):
+        if admitted(problem, end, reached):
             continue
         for of, level in ((of, level) for of, bound in bounds for level in bound.interval if np.isfinite(level)):
             for place, unit in _places(problem, _to_bound(problem, of, level, end), end):
                 sides = [place + way * ASIDE * unit for way in (-1.0, 1.0)]
-                inside = [y for y in sides if _admitted(problem, end, y)]
+                inside = [y for y in sides if admitted(problem, end, y)]
                 if len(inside) != 1:  # another bound is in the way
                     continue
                 resting = solved(_pinned(problem, end, place))
@@ -102,12 +102,12 @@ def _at_kink(
     problem: Problem, end: int, place: float, aside: float, solved: Callable[[Problem], Solution]
 ) -> Iterator[Solution]:
     """The answer whose end is at a kink of its cost, where that holds it, or those that lie on better sides of it."""
-    resting = solved(_pinned(problem, end, place)) if _admitted(problem, end, place) else None
+    resting = solved(_pinned(problem, end, place)) if admitted(problem, end, place) else None
     if resting is None or not resting.status.ok:
         return
     holds = True
     for ordinate in (place - aside, place + aside):
-        if not _admitted(problem, end, ordinate):  # a bound holds it on that side
+        if not admitted(problem, end, ordinate):  # a bound holds it on that side
             continue
         other = solved(_pinned(problem, end, ordinate))
         holds = holds and _worse(other, resting)
@@ -188,7 +188,7 @@ def _places(problem: Problem, step: Callable[[float], float], end: int) -> Itera
             yield y, max(unit, abs(y))
 
 
-def _admitted(problem: Problem, end: int, ordinate: float) -> bool:
+def admitted(problem: Problem, end: int, ordinate: float) -> bool:
     """Whether the bounds on the curve itself allow it to have an ordinate at one end."""
     s, at = problem.symbols, np.array([problem.span[end]])
     for traced in problem.traced:

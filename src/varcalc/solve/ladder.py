@@ -133,15 +133,7 @@ def _found(problem: Functional, method: Method | None, tol: float, guess: Guess,
     solution = _hopeless(problem, method or LADDER[0]) or _without_room(problem, method or LADDER[0])
     if solution is not None and solution.verdict is Verdict.INFEASIBLE:
         return solution
-    if solution is None and kinks_at_ends(problem):
-        from varcalc.existence.held_ends import held_at_an_end  # few problems have kinks there
-
-        solution = held_at_an_end(problem, lambda pinned: _found(pinned, method, tol, None, told))
-    switching = guess is None and breakable(problem) and isinstance(method or LADDER[0], Ritz)
-    if solution is None and switching and any(problem.of_type(Bound)):
-        from varcalc.existence.held_ends import held_by_a_bound  # few problems switch under bounds
-
-        solution = held_by_a_bound(problem, lambda given: _found(given, method, tol, None, told))
+    solution = solution or _with_ends_given(problem, method, tol, guess, told)
     if solution is None and guess is None and breakable(problem):
         solution = _with_corners(problem, method or LADDER[0], tol)
         if solution is None and method is None:
@@ -154,6 +146,32 @@ def _found(problem: Functional, method: Method | None, tol: float, guess: Guess,
         return _examined(problem, method, tol, guess, solution, smooth, told)
     except KeyboardInterrupt as stop:
         raise Interrupted(solution) from stop
+
+
+def _with_ends_given(
+    problem: Functional, method: Method | None, tol: float, guess: Guess, told: Told
+) -> Solution | None:
+    """The answer by problems whose free or sliding ends are given, where kinks or bounds hold them; None for none."""
+
+    def solved(given: Problem) -> Solution:
+        return _found(given, method, tol, None, told)
+
+    solution = None
+    if kinks_at_ends(problem):
+        from varcalc.existence.held_ends import held_at_an_end  # few problems have kinks there
+
+        solution = held_at_an_end(problem, solved)
+    if solution is not None or guess is not None or not isinstance(method or LADDER[0], Ritz):
+        return solution
+    if breakable(problem) and any(problem.of_type(Bound)):
+        from varcalc.existence.held_ends import held_by_a_bound  # few problems switch under bounds
+
+        return held_by_a_bound(problem, solved)
+    if any(problem.slides) and on_curve(problem):
+        from varcalc.existence.sliding_ends import at_best_place  # few ends slide beside what switches
+
+        return at_best_place(problem, solved)
+    return None
 
 
 def _without_room(problem: Functional, method: Method) -> Solution | None:
