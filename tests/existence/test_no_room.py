@@ -6,6 +6,7 @@ import casadi as ca
 import pytest
 
 import varcalc as vc
+from varcalc.existence.no_room import no_room
 
 
 def spike(x, width):
@@ -46,3 +47,19 @@ def test_levels_that_contradict_each_other_are_told_of_before_broken_curves():
     begun = time.process_time()
     assert vc.solve(problem, throw=False).verdict is vc.Verdict.INFEASIBLE
     assert time.process_time() - begun < 3
+
+
+@pytest.mark.parametrize(
+    ("shore", "bound", "words"),
+    [
+        (lambda x, y: y - 1, vc.Bound(lambda x, y, v: y, upper=0.8), "0.2 off it"),
+        (lambda x, y: 2 * y - x - 2, vc.Bound(lambda x, y, v: 2 * y - x, lower=-1.0, upper=1.5), "0.5 off it"),
+        (lambda x, y: x - 1, vc.Bound(lambda x, y, v: 3 * x - y, lower=0.0, upper=3.0), None),
+        (lambda x, y: y - 1, vc.Bound(lambda x, y, v: y - v, upper=0.8), None),
+    ],
+)
+def test_a_line_that_bounds_keep_a_curve_from_is_no_place_to_slide_on(shore, bound, words):
+    problem = vc.Problem(LAGRANGIANS["kink"], vc.Fixed(0, 0), vc.OnCurve(shore, x=1), [bound])
+    found = no_room(problem)
+    assert (found is None) == (words is None)
+    assert words is None or words in found.sentence
