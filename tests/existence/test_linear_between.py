@@ -215,3 +215,27 @@ def test_a_level_that_only_a_jump_keeps_is_refused_with_the_infimum() -> None:
     assert solution.verdict is vc.Verdict.NOT_ATTAINED
     infimum = 1 + weight * ((1 - raised) * raised**2 + raised**3 / 3)
     assert told_of(solution) == pytest.approx(infimum, rel=1e-2)
+
+
+def test_a_load_far_narrower_than_the_lines_of_a_curve_is_summed():
+    # the curve follows a quarter of the load up to where it rests, and what presses it there takes 1 to 0
+    size, width, place = mp.mpf("0.939"), mp.mpf("0.01"), mp.mpf("0.401")
+
+    def load(x):
+        return size / width * mp.exp(-(((x - place) / width) ** 2))
+
+    def pressed(a):
+        return size * mp.sqrt(mp.pi) / 2 * (1 - mp.erf((a - place) / width))
+
+    a = mp.findroot(
+        lambda a: pressed(a) - (1 - a) * load(a) - 1, (place - 2.5 * width, place - width), solver="anderson"
+    )
+    height = load(a) / 4
+    risen = -mp.quad(lambda x: load(x) ** 2 / 8, [place - 9 * width, place - 4 * width, a])
+    exact = height + risen - height * pressed(a) + 2 * height**2 * (1 - a)
+    problem = vc.Problem(
+        lambda x, y, v: ca.fabs(v) + 2 * y**2 - 93.9 * ca.exp(-(((x - 0.401) / 0.01) ** 2)) * y,
+        vc.Fixed(0, 0),
+        vc.Free(1),
+    )
+    assert vc.solve(problem).value == pytest.approx(float(exact), abs=1e-10)

@@ -76,9 +76,8 @@ def refracted(
         return None
     from varcalc.existence.total_variation import least_by_lines  # few curves are of this kind
 
-    # whatever is begun from, that finds the least of all
-    least = least_by_lines(problem, method)
-    if least is not None and (not least.status.ok or as_held(problem, least)):
+    # whatever is begun from, that finds the least of all, and sums it along its own curve
+    if (least := least_by_lines(problem, method)) is not None:
         return least
     return _with_crossings(problem, method, tol, guess, marks)
 
