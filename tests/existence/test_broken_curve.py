@@ -58,6 +58,29 @@ def test_two_discs_are_found_at_any_origin_and_in_any_units(origin, wide, high):
     assert broken_curve(film).level == pytest.approx(origin * high, abs=1e-12 * high * (1 + abs(origin)))
 
 
+@pytest.mark.parametrize(
+    ("added", "between_ends"),
+    [
+        (lambda x, y, v: 3.0 * v, 0.6),
+        (lambda x, y, v: -40.0 * y * v, -20 * (1.2**2 - 1)),
+        (lambda x, y, v: 5.0 * (y + x * v), 5 * 0.6 * (1.2 + 1)),
+    ],
+    ids=["of y", "of its square", "of a product"],
+)
+def test_a_jump_may_earn_one_way_what_the_other_costs(added, between_ends):
+    # the derivative of a function of x and y changes all curves' values alike: the two discs stay the same
+    film = graph(lambda x, y, v: y * ca.sqrt(1 + v**2) + added(x, y, v), (-0.6, 1), (0.6, 1.2))
+    solution = vc.solve(film)
+    assert solution.local
+    assert solution.lower == pytest.approx((1 + 1.2**2) / 2 + between_ends, abs=1e-8)
+    assert broken_curve(film).level == pytest.approx(0, abs=1e-12)
+
+
+def test_no_jump_where_it_earns_something_there_and_back():
+    # -|v| there and back earns 2: nothing bounds it, and no broken curve stands for that
+    assert broken_curve(graph(lambda x, y, v: v - ca.sqrt(1 + v**2), (0, 0), (1, 1))) is None
+
+
 @pytest.mark.parametrize("origin", [0.0, 0.3, -4.0])
 def test_a_level_where_jumps_cost_least_is_found_where_they_cost_something_on_either_side(origin):
     film = graph(lambda x, y, v: ca.fabs(y - origin) * ca.sqrt(1 + v**2), (-0.6, 1 + origin), (0.6, 1.2 + origin))

@@ -151,6 +151,46 @@ def test_a_closed_curve_has_a_gauge() -> None:
     assert solution.multipliers[0] == pytest.approx(1, rel=1e-7)
 
 
+@pytest.mark.parametrize(("plane", "side"), [((0, 1), 1), ((1, 0), 1), ((0, 2), 1), ((1, 2), -1)])
+def test_a_closed_curve_begins_as_the_circle_that_is_best(plane: tuple[int, int], side: int) -> None:
+    first, second = plane
+
+    def swept(q: Any, dq: Any) -> Any:
+        return side * (q[first] * dq[second] - q[second] * dq[first]) / 2
+
+    count = 2 if max(plane) == 1 else 3
+    loop = vc.Periodic(n=count)
+    given = vc.Curve(swept, loop, loop, [vc.Isoperimetric(length, 3)], maximise=True)
+    assert vc.solve(given, vc.Collocation()).value == pytest.approx(9 / (4 * math.pi), abs=1e-9)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_closed_curve_begins_as_a_circle_that_meets_the_level(side: int) -> None:
+    def swept(q: Any, dq: Any) -> Any:
+        return side * (q[0] * dq[1] - q[1] * dq[0]) / 2
+
+    given = vc.Curve(length, vc.Periodic(), vc.Periodic(), [vc.Isoperimetric(swept, 2)])
+    assert vc.solve(given, vc.Collocation()).value == pytest.approx(2 * math.sqrt(2 * math.pi), abs=1e-9)
+
+
+def test_a_gauge_weighs_the_same_with_a_derivative_added() -> None:
+    def area(q: Any, dq: Any) -> Any:
+        return q[1] * dq[0]
+
+    def more(q: Any, dq: Any) -> Any:
+        return area(q, dq) + 50 * dq[0] - 7 * q[0] * dq[0]
+
+    # it is what the price of length is times that of another length, and vanishes with the right one
+    forms = [formulate(vc.Curve(f, vc.At((-1, 0)), vc.At((1, 0)), [vc.Isoperimetric(length, 4)])) for f in (area, more)]
+    gauges = [
+        float(
+            ca.Function("gauge", form.symbols.all, [form.integrand - form.functional])(0, [0, 3], [5, 1], [], [], [2])
+        )
+        for form in forms
+    ]
+    assert gauges[1] == pytest.approx(gauges[0], rel=1e-2)
+
+
 def test_end_costs_are_stated_with_the_sign() -> None:
     form = formulate(
         vc.Problem(

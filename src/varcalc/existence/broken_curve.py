@@ -5,6 +5,10 @@ the finite cost of the integral of L's recession function, the limit of
 L(x, eta, v) / |v|, over eta from y to c. Such a curve is a limit of graphs, so
 a minimum above it is only local (Goldschmidt 1831; Gelfand and Fomin,
 "Calculus of Variations", sect. 4, example 2).
+
+One way a jump may earn something, as where the derivative of a function of x
+and y is added to L: it is there and back that it must cost more than to stay,
+or nothing bounds the functional.
 """
 
 from __future__ import annotations
@@ -26,11 +30,18 @@ RECOGNISING_SLOPES = (1e6, 1e8)
 """Slopes, in units of the problem's own, at which linear growth is recognised."""
 STEEPEST_SLOPE = 1e16
 """Slope, in units of the chord's, at which the cost of a jump is read before the problem's own unit is known."""
+JUMP_SLOPE = 1e12
+"""Slope, in units of the problem's own, at which it is read then: what L has besides is no part of it to round-off."""
+JUMP_ROUND_OFF = 1e-15
+"""Share of the costs of two jumps, there and back, that is round-off of their sum."""
 LINEAR_GROWTH = 1e-4
 """Relative difference of L / |v| at the two slopes that is linear growth."""
 SCANNED_LEVELS = 33
 LEVEL_REACH = 3.0
 """How far beyond the ends levels are looked at, in units of the problem's size."""
+FROM_ENDS = np.outer([-1.0, 1.0], np.geomspace(2.0**-8, 0.5, 12)).ravel()
+"""Their distances from either end besides, in that unit: what L has that jumps do not change makes the size too large.
+"""
 JUMP_POINTS = 10
 GRADES, FINE_POINTS = 26, (8, 12)
 """Halvings of the panels toward both ends of a jump, and points a panel, by which a value is made sure of."""
@@ -118,28 +129,29 @@ class _Family:
         a, b = problem.span
         self.y = np.concatenate([problem.start.values(1), problem.end.values(1)])
         self.coarse = _graded(0, JUMP_POINTS)
-        x = np.tile(a + (b - a) * np.array([0.0, 0.5, 1.0]), 4)
-        y = np.tile([self.y[0], self.y.mean(), self.y[1]], 4)
-        self.worth = self._worth(x[:6], y[:6])
+        x, y = a + (b - a) * np.array([0.0, 0.5, 1.0]), np.array([self.y[0], self.y.mean(), self.y[1]])
+        self.worth = self._worth(x, y)
         self.size = max(float(np.ptp(self.y)), self.worth)
         self.narrow = NARROW_LEVELS * max(self.size, float(np.abs(self.y).max()))
         self.steep = self.size / (b - a)
         slopes = np.repeat(np.outer(RECOGNISING_SLOPES, [1.0, -1.0]).ravel() * self.steep, 3)
-        low, high = (self._values(x, y, slopes) / np.abs(slopes)).reshape(2, -1)
-        finite = np.isfinite(low).all() and np.isfinite(high).all() and bool((high > 0).all())
-        self.linear = finite and bool((np.abs(high - low) <= LINEAR_GROWTH * high).all())
+        growth = self._values(np.tile(x, 4), np.tile(y, 4), slopes) / np.abs(slopes)
+        low, high = growth.reshape(2, 2, 3)
+        there_and_back = high.sum(0)
+        finite = np.isfinite(growth).all() and bool((there_and_back > 0).all())
+        self.linear = finite and bool((np.abs(high - low) <= 0.5 * LINEAR_GROWTH * there_and_back).all())
 
     def _worth(self, x: np.ndarray, y: np.ndarray) -> float:
         """The height of a jump that costs as much as a level curve across the interval, about as much as may pay.
 
-        It is a length of the problem's own, whatever the origin and the units of x and y; the largest at two equal
-        rows of points x and y.
+        It is a length of the problem's own, whatever the origin and the units of x and y; the largest at points x and
+        y.
         """
         a, b = self.problem.span
         steepest = STEEPEST_SLOPE * (float(np.ptp(self.y)) / (b - a) or 1.0)
-        half = len(x) // 2
-        level, jump = self._values(x, y, np.repeat([0.0, steepest], half)).reshape(2, -1)
-        worth = np.abs(level / jump * steepest)
+        slopes = np.repeat([0.0, steepest, -steepest], len(x))
+        level, up, down = self._values(np.tile(x, 3), np.tile(y, 3), slopes).reshape(3, -1)
+        worth = np.abs(2 * level / (up + down) * steepest)
         found = float(worth[np.isfinite(worth)].max(initial=0.0)) * (b - a)
         return found or float(np.ptp(self.y)) or b - a
 
@@ -151,7 +163,7 @@ class _Family:
         """The functional of the broken curves at levels (m,); NaN beyond where a jump no longer costs anything."""
         a, b = self.problem.span
         nodes, weights = self.coarse if rule is None else rule
-        count, steep = len(nodes), RECOGNISING_SLOPES[1] * self.steep
+        count, steep = len(nodes), JUMP_SLOPE * self.steep
         jumps = levels[:, None] - self.y
         # along the level, then down (or up) at the start and at the end; the last of a jump's points is the level
         share = np.append(nodes, 1.0)
@@ -159,19 +171,22 @@ class _Family:
             [np.repeat(levels[:, None], count, axis=1), *(self.y[k] + jumps[:, k : k + 1] * share for k in (0, 1))]
         )
         x = np.concatenate([a + (b - a) * nodes, np.full(count + 1, a), np.full(count + 1, b)])
-        down = np.where(jumps < 0, -steep, steep) * [1.0, -1.0]
-        v = np.hstack([np.zeros((len(levels), count)), np.repeat(down, count + 1, axis=1)])
+        down = np.repeat(np.where(jumps < 0, -steep, steep) * [1.0, -1.0], count + 1, axis=1)
+        # and the jumps twice more: the other way, and staying where they are
+        x, y = np.append(x, np.tile(x[count:], 2)), np.hstack([y, y[:, count:], y[:, count:]])
+        v = np.hstack([np.zeros((len(levels), count)), down, -down, np.zeros_like(down)])
         values = self._values(np.tile(x, len(levels)), y.ravel(), v.ravel()).reshape(y.shape)
-        costs = values[:, count:].reshape(len(levels), 2, -1) / steep
-        paid = np.where((costs >= 0).all(2), np.abs(jumps) * (costs[:, :, :-1] @ weights), np.nan)
+        costs, back, stay = values[:, count:].reshape(len(levels), 3, 2, -1).swapaxes(0, 1) / steep
+        sound = (_there_and_back(costs, back, stay) >= 0).all(2)
+        paid = np.where(sound, np.abs(jumps) * (costs[:, :, :-1] @ weights), np.nan)
         return (b - a) * (values[:, :count] @ weights) + paid.sum(1)
 
     def _jump(self, levels: np.ndarray) -> np.ndarray:
-        """The least cost of a jump at either end and either way, at levels (m,)."""
-        steep = RECOGNISING_SLOPES[1] * self.steep
-        x, v = np.repeat(self.problem.span, 2), np.array([steep, -steep, steep, -steep])
-        values = self._values(np.tile(x, len(levels)), np.repeat(levels, 4), np.tile(v, len(levels)))
-        return values.reshape(-1, 4).min(1) / steep
+        """The least cost of a jump there and back at either end, at levels (m,)."""
+        steep = JUMP_SLOPE * self.steep
+        x, v = np.tile(self.problem.span, 3), np.repeat([steep, -steep, 0.0], 2)
+        values = self._values(np.tile(x, len(levels)), np.repeat(levels, 6), np.tile(v, len(levels)))
+        return _there_and_back(*values.reshape(-1, 3, 2).swapaxes(0, 1) / steep).min(1)
 
     def _edge(self, ends: np.ndarray) -> float:
         """Where a jump ceases to cost anything between two levels, on the side where it still does.
@@ -198,7 +213,8 @@ class _Family:
     def best(self, ceiling: float) -> list[BrokenCurve]:
         """The levels of least value, from a scan and searches about each of its lowest places; best first."""
         low, high = self.y.min() - LEVEL_REACH * self.size, self.y.max() + LEVEL_REACH * self.size
-        levels = np.unique(np.concatenate([np.linspace(low, high, SCANNED_LEVELS), self._about(self.y)]))
+        from_ends = np.add.outer(self.y, self.size * FROM_ENDS).ravel()
+        levels = np.unique(np.concatenate([np.linspace(low, high, SCANNED_LEVELS), from_ends, self._about(self.y)]))
         rough = ceiling + ROUGH_ERROR * abs(ceiling) if math.isfinite(ceiling) else ceiling
         values = self._scanned(levels)
         places = self._lowest(values, rough)
@@ -211,6 +227,7 @@ class _Family:
             places = self._lowest(values, rough)
         places = self._narrowed(levels, places, rough)
         lowest = self._least(levels, places, ceiling) if len(places) else []
+        lowest = [level if abs(level) > self.narrow else 0.0 for level in lowest]
         found = [(value, level) for level in lowest if (value := self._sure(level, ceiling)) is not None]
         return [BrokenCurve(self.sign * value, level, self._jumps(level)) for value, level in sorted(found)]
 
@@ -299,6 +316,12 @@ class _Family:
         kept = np.array([_least_between(row, k + 1) <= ceiling for row, k in zip(edged, number, strict=True)])
         found = _Between(at.known, grid[rows, number], grid[rows, number + 2], inner[rows, number])
         return found.only(kept), values[kept]
+
+
+def _there_and_back(there: np.ndarray, back: np.ndarray, stay: np.ndarray) -> np.ndarray:
+    """By how much two jumps, there and back, cost more than to stay, where that is known; zero for round-off."""
+    more = there + back - 2 * np.where(np.isfinite(stay), stay, 0.0)
+    return np.where(np.abs(more) <= JUMP_ROUND_OFF * (np.abs(there) + np.abs(back)), 0.0, more)
 
 
 class _Between:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
 
 import casadi as ca
 import numpy as np
@@ -34,6 +37,10 @@ POWER_STEPS = 3
 """Steps in which the radius of a ring is found; one does for a true power."""
 NO_POWER = 1e-3
 """Exponents below this are no power."""
+NO_CHANGE = 1e-12
+"""Relative change of a functional that is round-off."""
+ALIKE_RINGS = 1e-9
+"""Relative difference of the functional on two rings that are alike."""
 
 
 def curve_form(problem: Curve) -> Form:
@@ -45,9 +52,9 @@ def curve_form(problem: Curve) -> Form:
     rewrite = rewriter(problem, symbols, symbols.x, symbols.y, symbols.slopes, symbols.kind(1))
     functional = problem.sign * (problem.integrand if energetic else rewrite(problem.integrand, True))
     points = _end_points(problem)
-    radius = _radius(problem) if closed else 0.0
-    baseline = _ring(problem.n, radius) if closed else straight((0.0, 1.0), *points)
-    length = 2 * math.pi * radius if closed else float(np.linalg.norm(np.nan_to_num(points[1] - points[0]))) or 1.0
+    baseline = _best_ring(problem) if closed else straight((0.0, 1.0), *points)
+    chord = points[1] - points[0]
+    length = baseline.length if isinstance(baseline, Ring) else float(np.linalg.norm(np.nan_to_num(chord))) or 1.0
     joint = end_conditions(problem, symbols, lambda _, q: (0.0, q))
     return Form(
         problem,
@@ -91,34 +98,71 @@ def _gauge(symbols: Symbols) -> Expression:
 
 
 def _price(problem: Curve, baseline: Sampled, length: float) -> float:
-    """What a unit of length costs along the baseline: with it the gauge weighs as much as F in any units.
+    """What a unit of length costs: with it the gauge weighs as much as F in any units.
 
-    Where F vanishes there, as an area does, it is what arches as high as the baseline is long cost at the most.
+    It is by how much arches as high as the baseline is long change the functional, at the most. What is added to F
+    without changing its extremals, the derivative of a function of place, does not change that; where no arch is in
+    the domain of F, what the baseline costs stands in.
     """
-    arches = [arched(baseline, (0.0, 1.0), length * direction) for direction in np.eye(problem.n)]
-    for curves in ([baseline], arches):
-        price = max(float(np.abs(_along(problem, [problem.integrand], curve)).mean()) for curve in curves) / length
-        if math.isfinite(price) and price > 0.0:
-            return price
-    return 1.0
+    heights = [side * length * way for way in np.eye(problem.n) for side in (1.0, -1.0)]
+    curves = [baseline, *(arched(baseline, (0.0, 1.0), height) for height in heights)]
+    here, *others = _means(problem, problem.integrand, curves).tolist()
+    changes = [abs(other - here) for other in others]
+    known = [change for change in changes if math.isfinite(change) and change > NO_CHANGE * abs(here)]
+    price = max(known, default=abs(here)) / length
+    return price if math.isfinite(price) and price > 0.0 else 1.0
 
 
-def _along(problem: Curve, expressions: list[Expression], curve: Sampled) -> np.ndarray:
-    """Values of expressions of the problem at ``BASELINE_POINTS`` points along a curve, shape (expressions, points)."""
+def _means(problem: Curve, expression: Expression, curves: Sequence[Sampled]) -> np.ndarray:
+    """The mean of an expression of the problem at ``BASELINE_POINTS`` points along each of ``curves``."""
     s = (np.arange(BASELINE_POINTS) + 0.5) / BASELINE_POINTS
-    step = 0.5 / BASELINE_POINTS
-    slope = (curve(s + step) - curve(s - step)) / (2 * step)
-    symbols = problem.symbols
-    function = ca.Function("along", [symbols.y, symbols.dy, symbols.parameters, symbols.unknowns], expressions)
-    numbers = in_columns(BASELINE_POINTS, problem.parameter_values, problem.unknown_guesses)
-    results = function(curve(s), slope, *numbers)
-    return np.vstack([np.asarray(r) for r in (results if isinstance(results, tuple) else (results,))])
+    step, symbols = 0.5 / BASELINE_POINTS, problem.symbols
+    slopes = [(curve(s + step) - curve(s - step)) / (2 * step) for curve in curves]
+    function = ca.Function("along", [symbols.y, symbols.dy, symbols.parameters, symbols.unknowns], [expression])
+    numbers = in_columns(len(curves) * BASELINE_POINTS, problem.parameter_values, problem.unknown_guesses)
+    values = np.asarray(function(np.hstack([curve(s) for curve in curves]), np.hstack(slopes), *numbers))
+    with np.errstate(invalid="ignore"):  # of infinities of both signs
+        return values.reshape(len(curves), BASELINE_POINTS).mean(1)
 
 
-def _radius(problem: Curve) -> float:
+@dataclass(frozen=True)
+class Ring:
+    """A circle about the origin of so many coordinates, in the plane of two, turning from the first to the second."""
+
+    coordinates: int
+    plane: tuple[int, int]
+    radius: float = 1.0
+
+    @property
+    def length(self) -> float:
+        """Its circumference."""
+        return 2 * math.pi * self.radius
+
+    def __call__(self, s: np.ndarray) -> np.ndarray:
+        """The points (coordinates, m) at shares s (m,) of a turn."""
+        out = np.zeros((self.coordinates, len(s)))
+        first, second = self.plane
+        out[first], out[second] = self.radius * np.cos(2 * math.pi * s), self.radius * np.sin(2 * math.pi * s)
+        return out
+
+
+def _best_ring(problem: Curve) -> Ring:
+    """The ring in two coordinates, either way round, that has the least functional among those that meet the level.
+
+    The first of those that are alike.
+    """
+    planes = list(permutations(range(problem.n), 2)) or [(0, 0)]
+    rings = [Ring(problem.n, plane) for plane in planes]
+    sized = [replace(ring, radius=radius) for ring in rings if (radius := _radius(problem, ring)) is not None] or rings
+    values = problem.sign * _means(problem, problem.integrand, sized)
+    least = np.min(values, where=np.isfinite(values), initial=math.inf)
+    return sized[int(np.argmax(values <= least + ALIKE_RINGS * abs(least)))]
+
+
+def _radius(problem: Curve, ring: Ring) -> float | None:
     """Radius at which a ring meets the first isoperimetric level, for a condition that is a power of the radius.
 
-    1 where there is no level to go by, or the condition on a ring is no power.
+    1 where there is no level to go by, None where the condition on a ring is no power, or of the other sign.
     """
     levels = [
         (t.expression, bound)
@@ -130,14 +174,13 @@ def _radius(problem: Curve) -> float:
     radius = 1.0
     for _ in range(POWER_STEPS if levels else 0):
         expression, level = levels[0]
-        here, twice = (
-            float(_along(problem, [expression], _ring(problem.n, r)).mean()) / level for r in (radius, 2 * radius)
-        )
+        rings = [replace(ring, radius=r) for r in (radius, 2 * radius)]
+        here, twice = (_means(problem, expression, rings) / level).tolist()
         power = math.log2(twice / here) if here > 0.0 and twice > 0.0 else 0.0
         if not abs(power) > NO_POWER:
-            return 1.0
+            return None
         radius *= here ** (-1.0 / power)
-    return radius if math.isfinite(radius) and radius > 0.0 else 1.0
+    return radius if math.isfinite(radius) and radius > 0.0 else None
 
 
 def _positive(problem: Curve) -> bool:
@@ -166,15 +209,3 @@ def _end_points(problem: Curve) -> list[np.ndarray]:
     """The ends, guessed where they slide, NaN where they are free."""
     ends = problem.start, problem.end
     return [np.array(e.guess, dtype=float) if e.slides else e.values(problem.n) for e in ends]
-
-
-def _ring(n: int, radius: float) -> Sampled:
-    """A circle in the first two coordinates, counter-clockwise."""
-
-    def circle(s: np.ndarray) -> np.ndarray:
-        """The points (n, m) at shares s (m,) of a turn."""
-        out = np.zeros((n, len(s)))
-        out[0], out[1 % n] = radius * np.cos(2 * math.pi * s), radius * np.sin(2 * math.pi * s)
-        return out
-
-    return circle

@@ -21,6 +21,7 @@ import numpy as np
 
 from varcalc.formulation import Elsewhere, Form, formulate
 from varcalc.formulation.singular.abscissa import abscissa_form
+from varcalc.formulation.singular.added import added_derivative, added_to, without
 from varcalc.formulation.singular.alike import alike, ends_at, energetic_at
 from varcalc.formulation.singular.departure import departure
 from varcalc.formulation.singular.detection import (
@@ -162,11 +163,8 @@ def _makers(problem: Functional) -> Makers:
     both_fixed = problem.start.fixed and problem.end.fixed
     if not (any(singular) or any(beyond) or both_fixed):
         return [direct]
-    if seen is not None and seen.unit is not None and not 1 / UNLIKE < seen.unit < UNLIKE:
-        assert isinstance(problem, Problem)
-        unit = seen.unit * (Survey(restated(problem, seen.unit)).unit or 1.0)  # what rounding left of it in the first
-        inner = _makers(restated(problem, unit))
-        return [direct if maker.func is _direct else partial(in_unit, problem, unit, maker) for maker in inner]
+    if seen is not None and (inner := _of_restated(seen.problem, seen, both_fixed=both_fixed)) is not None:
+        return inner
     metric = homogeneous(problem) if seen is None else seen.metric
     if metric is None:
         if not (isinstance(problem, Problem) and both_fixed):
@@ -175,6 +173,20 @@ def _makers(problem: Functional) -> Makers:
     blowups = _blowups(problem, singular, beyond)
     others = energy_forms(problem, metric, singular, blowups) if blowups or not curve else []
     return [*others, direct] if blowups else [direct, *others]
+
+
+def _of_restated(problem: Problem, seen: Survey, *, both_fixed: bool) -> Makers | None:
+    """The forms of the problem without what is added to its L, or in the unit of y that is natural; None elsewhere."""
+    bare = seen.metric is not None or not both_fixed or not any(seen.singular + seen.beyond)
+    added = None if bare else added_derivative(problem)
+    if added is not None:
+        inner, own = without(problem, added), partial(added_to, problem, added)
+    elif seen.unit is not None and not 1 / UNLIKE < seen.unit < UNLIKE:
+        unit = seen.unit * (Survey(restated(problem, seen.unit)).unit or 1.0)  # what rounding left of it in the first
+        inner, own = restated(problem, unit), partial(in_unit, problem, unit)
+    else:
+        return None
+    return [partial(_direct, problem) if maker.func is _direct else partial(own, maker) for maker in _makers(inner)]
 
 
 def _with_more(problem: Functional) -> Makers:
