@@ -94,3 +94,11 @@ def test_a_functional_that_falls_with_an_unknown_alone_is_unbounded():
 def test_an_unknown_number_may_lead_down_for_ever(lagrangian):
     refusal = vc.solve(graph(lagrangian, vc.Fixed(1, 1), unknowns={"T": 1.0}), throw=False)
     assert refusal.verdict is vc.Verdict.UNBOUNDED
+
+
+@pytest.mark.parametrize("unit", [1e-10, 1.0, 1e10])
+def test_a_fall_is_seen_in_any_unit_of_y(unit):
+    # Bratu's problem: exp(y) outgrows y'^2 / 2, some ten units of its own away; a hundred further on it is no number
+    found = vc.solve(vc.Problem(lambda x, y, v: (v / unit) ** 2 / 2 - ca.exp(y / unit), vc.Fixed(0, 0), vc.Fixed(1, 0)))
+    assert found.local
+    assert found.lower == -math.inf

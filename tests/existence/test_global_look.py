@@ -421,3 +421,16 @@ def test_a_narrow_well_off_both_axes_is_seen_where_waves_have_others_far_away():
     )
     assert found.value <= summed(lagrangian, x, np.array(rows).T)
     assert not found.local
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("unit", [1.0, 1e6])
+def test_what_a_steep_polygon_costs_next_to_an_end_is_seen(side, unit):
+    # exp(-y) ds is the length of straight lines in a plane, 2 sin(5/4) between these points; a polygon that leaps up,
+    # where all costs next to nothing, pays for it in a part of its first piece that no rule of a few points sees
+    problem = vc.Problem(
+        lambda x, y, v: ca.exp(-side * y / unit) * ca.sqrt(1 + v**2) / unit, vc.Fixed(0, 0), vc.Fixed(2.5 * unit, 0)
+    )
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(2 * math.sin(1.25), abs=1e-10)
+    assert not solution.local

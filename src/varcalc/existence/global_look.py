@@ -60,6 +60,8 @@ SURELY_LOWER = 1e-3
 """The same for a polygon's value, of which no error is known."""
 POLYGON_RULES, RULES_APART = (16, 24), 10.0
 """Gauss points a piece of two rules by which a polygon's value is told, and how often their difference is its error."""
+TOWARD_VERTICES = np.concatenate([[0.0], 0.25 ** np.arange(15, 0, -1), 1.0 - 0.25 ** np.arange(1, 16)])
+"""Where pieces are cut for that, in shares of a piece."""
 
 ROUGH, EXACT = Ritz(elements=8, degree=3, refine=False, starts=1), Ritz(starts=1)
 """The direct method, to see whether a valley may be lower, and to its bottom."""
@@ -648,19 +650,32 @@ def _is_lower(value: float, best: Solution, error: float, share: float) -> bool:
 
 
 def _along(landscape: Landscape, valley: Valley) -> float:
-    """The functional along a polygon, made worse by what two rules differ by; infinite where it keeps no level."""
+    """The functional along a polygon, made worse by what is not known of it; infinite where it keeps no level.
+
+    That is what two rules differ by, and what it costs next to the vertices, in panels that no rule may have resolved.
+    """
     if not math.isnan(valley.summed):
         return landscape.sign * valley.summed
-    sums = []
-    steps, shape = np.diff(valley.x), valley.y.shape[1:]
+    steps, shape, sums = np.diff(valley.x), valley.y.shape[1:], []
+    slopes = (np.diff(valley.y, axis=0).T / steps).T
+    # a steep piece may cost next to a vertex what it costs
+    panels = np.append((valley.x[:-1, None] + steps[:, None] * TOWARD_VERTICES).ravel(), valley.x[-1])
     for count in POLYGON_RULES:
-        x, weights = composite_gauss(valley.x, count)
-        slope = np.repeat((np.diff(valley.y, axis=0).T / steps).T, count, axis=0)
+        x, weights = composite_gauss(panels, count)
+        slope = np.repeat(slopes, count * len(TOWARD_VERTICES), axis=0)
         ordinates = valley(x).T.reshape(-1, *shape)
         if not landscape.own_values(x, weights, ordinates, slope):
             return landscape.sign * math.inf
         sums.append(float(landscape.values(x, ordinates, slope) @ weights))
-    return landscape.sign * (sums[1] + at_ends(landscape, valley.y) + RULES_APART * abs(sums[1] - sums[0]))
+    apart = RULES_APART * abs(sums[1] - sums[0]) + _beside_vertices(landscape, valley, slopes)
+    return landscape.sign * (sums[1] + at_ends(landscape, valley.y) + apart)
+
+
+def _beside_vertices(landscape: Landscape, valley: Valley, slopes: np.ndarray) -> float:
+    """What a polygon costs in the panels next to its vertices if all of them cost what the vertex does."""
+    sides = [landscape.values(valley.x[k], valley.y[k], slopes) for k in (slice(None, -1), slice(1, None))]
+    costs = np.abs(sides) * np.diff(valley.x) * TOWARD_VERTICES[1]
+    return float(np.sum(costs, where=np.isfinite(costs)))  # where L is infinite at an end rules alone tell
 
 
 def has_lattice(problem: Functional) -> bool:

@@ -55,8 +55,11 @@ MOST_PATHS = 16
 """Polygons that are read, the lowest first."""
 BETWEEN = np.array([0.25, 0.5, 0.75])[:, None]
 """Where on the way from one polygon to another a ridge is looked for."""
-FARTHEST_ARCH = 1e12 * 10.0 ** -np.arange(0, 10, 3.0)
-"""How far out an arch is tried at most, in extents, and less far where L is no number there."""
+FARTHEST_ARCH, NEARER_ARCH = 10.0 ** np.concatenate([np.arange(12.0, 2, -3), np.arange(2.0, -13, -1)]), 1e3
+"""How far out an arch is tried at most, in extents, and less far where L is no number there.
+
+As far as this at least, but where it falls beyond all numbers: then the extents say nothing of the unit of y in L.
+"""
 FALLEN = 1e3
 """How far below what the curve's own polygon sums it has to lie there."""
 APART = 1.5
@@ -454,6 +457,8 @@ class Lattice:
         sums = values_of(self.landscape, self.middle, heights, slopes) @ self.steps
         sums = sums + sum(self.landscape.at_end(side, curves[:, -side]) for side in (0, 1))
         deep = sums < self.own_value - FALLEN * self.summed
+        further = np.pad(sums.reshape(len(shapes), 2, -1)[:, :, :-1], ((0, 0), (0, 0), (1, 0))).ravel()
+        deep &= np.isneginf(further) | np.tile(FARTHEST_ARCH >= NEARER_ARCH, 2 * len(shapes))
         for k in np.flatnonzero(deep).tolist():
             # of what is steep no curvature is told: it is looked at with the curve's own slopes as well
             about = (slopes[k], self.slope)

@@ -15,7 +15,7 @@ from varcalc.symbolic.evaluation import PointEvaluator
 
 OCTAVES = 3
 """Doublings of the height from one bend that is measured to the next."""
-DOUBLINGS = OCTAVES * np.arange(-13, 14)
+DOUBLINGS = OCTAVES * np.arange(-17, 18)
 """Heights at which bends are measured, in units of the ends' distance: so many times doubled, or halved."""
 POINTS = 4
 POWER_CHANGED = 0.4

@@ -9,6 +9,7 @@ import varcalc as vc
 from varcalc.formulation.singular import forms
 from varcalc.methods.ritz import family
 from varcalc.methods.ritz import method as ritz
+from varcalc.methods.ritz.newton import minimise
 from varcalc.methods.ritz.starts import bends, meeting_levels
 from varcalc.methods.ritz.system import Places, RitzSystem
 from varcalc.numerics.mesh import Space
@@ -195,6 +196,27 @@ def test_bends_that_meet_several_levels():
     met = np.isfinite(found.values[0])
     assert met.any()
     assert np.all(np.abs(system.evaluate(found.unknowns[0][met][0]).conditions) <= 2e-3)
+
+
+def test_multipliers_that_are_far_too_large_make_no_end():
+    # as those of a curve that no level feels are: next to what they cost every step is a short one
+    system, _ = on_one_element(chain())
+    bend = meeting_levels(system)[0][0]
+    found, expected = (minimise(system, bend, np.array([start]), vc.Newton(60)) for start in (1e28, 0.0))
+    assert not found.reason
+    assert found.value == pytest.approx(expected.value, rel=1e-12)
+    assert found.multipliers[0] == pytest.approx(expected.multipliers[0], rel=1e-6)
+
+
+def test_units_of_the_axes_that_are_as_unlike_as_may_be():
+    # bends as high as the interval is long change no level
+    ratio = 1e12
+    problem = graph(
+        lambda x, y, dy: y / ratio * ca.sqrt(1 + (dy / ratio) ** 2),
+        [vc.Isoperimetric(lambda x, y, dy: ca.sqrt(1 + (dy / ratio) ** 2), 1.01)],
+    )
+    found = vc.solve(problem)
+    assert abs(found.value - Catenary.of_length(0, 1, 0, 1.01).moment_about_start) <= 2 * found.error.value + 1e-15
 
 
 # many values

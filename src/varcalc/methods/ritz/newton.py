@@ -456,11 +456,21 @@ def _decrement(system: RitzSystem, at: Evaluation, step: Step, largest: float, m
         return math.inf
     scale = min(max(at.scale, VANISHING * largest), most or math.inf)
     if len(at.conditions):
-        scale += float(np.abs(step.multipliers) @ system.sizes(at))
+        scale += float(_cost_of_conditions(system, at, step))
     if scale > 0:
         return step.decrement / scale
     # a functional that is zero all along has no size of its own, and a gradient even so
     return 0.0 if _is_round_off(system, at, step, step.decrement) else math.inf
+
+
+def _cost_of_conditions(system: RitzSystem, at: Evaluation, step: Step) -> Any:
+    """What the conditions cost at their multipliers, a part of what is summed.
+
+    Multipliers that are far too large, as those of a curve that no condition feels, would make any step a short one:
+    those that cancel the gradient best are the same at a minimum.
+    """
+    multipliers = np.minimum(np.abs(step.multipliers), np.abs(first_multipliers(at)))
+    return (multipliers * system.sizes(at)).sum(-1)
 
 
 def _is_round_off(system: RitzSystem, at: Evaluation, step: Step, decrement: float) -> bool:
@@ -589,7 +599,7 @@ def minima(system: RitzSystem, z: np.ndarray, *, shifting: bool) -> Minima:
         steps = model.step(-solutions(model.reduced, model.slope))
         scale = at.scale
         if count:
-            scale = scale + (np.abs(steps.multipliers) * system.sizes(at)).sum(-1)
+            scale = scale + _cost_of_conditions(system, at, steps)
             definite = definite & ~missed(system, at, FEASIBLE)
         last = definite & (steps.decrement <= CONVERGED * scale)
         if last.any():
