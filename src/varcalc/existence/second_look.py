@@ -93,7 +93,7 @@ def _steep_at_an_end(problem: Functional) -> bool:
     if not (problem.start.fixed and problem.end.fixed):
         return False
     with np.errstate(all="ignore"):
-        return any(q < b for b, q in powers_at_ends(problem))
+        return any(end.steep for end in powers_at_ends(problem))
 
 
 def regular(problem: Functional) -> bool:

@@ -7,7 +7,7 @@ from mpmath import besseli, diff, gamma, mp, mpf, sqrt
 from scipy.integrate import solve_bvp
 
 import varcalc as vc
-from varcalc.formulation.singular.indicial import whole_powers
+from varcalc.formulation.singular.indicial import Growth, SingularEnd, growth_of
 
 
 def value_of(load, power, start):
@@ -79,14 +79,51 @@ def test_thomas_and_fermis_atom():
     assert vc.solve(atom).dy(0.0) == pytest.approx(-1.588071, abs=1e-4)
 
 
-def test_whole_powers_of_what_a_curve_grows_with():
-    assert whole_powers(1.0, (1.5,)) == (2, 2)
-    assert whole_powers(1.0, (1.7, 2.0)) == (9, 9)  # 15.3 is as smooth as whole
-    assert whole_powers(1.0, (1.2,)) == (5, 5)
-    assert whole_powers(1.0, (2.0,)) == (1, 1)
-    b, q = whole_powers(0.8872983346)
-    assert b * 0.8872983346 >= 6
-    assert 0 <= b * 0.8872983346 - q < 1
+def test_powers_of_what_a_curve_grows_with():
+    def beside(*steps):
+        return SingularEnd(0.0, 0.0, 0.0, steps)
+
+    assert growth_of(1.0, beside(1.5)) == Growth(2, 2, fractional=2)
+    assert growth_of(1.0, beside(1.7, 2.0)) == Growth(9, 9, fractional=9)  # 15.3 is as smooth as whole
+    assert growth_of(1.0, beside(1.2)) == Growth(5, 5, fractional=5)
+    assert growth_of(1.0, beside(2.0)).plain
+    leaves = growth_of(0.8872983346)
+    assert leaves.layers > 0
+    assert leaves.fractional * 0.8872983346 == pytest.approx(leaves.ordinate, rel=1e-15)
+
+
+def growing(weight, load, power, tilt):
+    """2 v' x^s at 1 and y(1) of the solution of (x^s y')' = c x^w y that begins with y = 1, or y = 0 where ``tilt``."""
+    gap = mpf(power) + 2 - weight
+    exponent = 1 - mpf(weight) if tilt else mpf(0)
+    term, y, momentum = mpf(1), mpf(0), mpf(0)
+    for _ in range(60):
+        y, momentum = y + term, momentum + exponent * term
+        exponent += gap
+        term *= load / (exponent * (exponent + weight - 1))
+    return y, momentum
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize(
+    ("weight", "load", "power", "start"),
+    [(-0.4424, 1.7, -0.9086, -0.77), (0.9731, 2.5, -0.4035, 0), (0.6696, 1.2, -0.8458, 0.7), (-0.7345, 2, -2.2346, 0)],
+)
+def test_powers_that_are_no_fractions(weight, load, power, start, mirrored):
+    at, sign = (1.0, -1) if mirrored else (0.0, 1)
+    ends = [vc.Fixed(0.0, start), vc.Fixed(1.0, 1)] if not mirrored else [vc.Fixed(0.0, 1), vc.Fixed(1.0, start)]
+
+    def lagrangian(x, y, v):
+        from_end = sign * (x - at)
+        return from_end**weight * v**2 + load * from_end**power * y**2
+
+    solution = vc.solve(vc.Problem(lagrangian, *ends))
+    with mp.workdps(30):
+        (y, steep), (level, rises) = (growing(weight, load, power, tilt) for tilt in (True, False)) if start else (
+            growing(weight, load, power, True), (0, 0))  # fmt: skip
+        share = (1 - start * level) / y
+        exact = float(share * steep + start * rises - start * share * (1 - mpf(weight)))
+    assert solution.value == pytest.approx(exact, rel=1e-10)
 
 
 def in_root(right, ends, unknowns=()):

@@ -15,7 +15,7 @@ from varcalc.formulation import Conditions, Coordinates, Ends, Form, Sampled, St
 from varcalc.formulation.singular.departure import Departure
 from varcalc.formulation.singular.detection import end_points
 from varcalc.formulation.singular.graph import factored_graph
-from varcalc.formulation.singular.indicial import powers_at_ends
+from varcalc.formulation.singular.indicial import SHRINK, powers_at_ends
 from varcalc.formulation.singular.offsets import gathered
 from varcalc.problem.functional import Symbols
 from varcalc.problem.problem import Problem
@@ -26,19 +26,22 @@ def abscissa_form(problem: Problem) -> Form | None:
     start, end = end_points(problem)
     width = end[0] - start[0]
     exponents = powers_at_ends(problem)
-    singular = [e != (1, 1) for e in exponents]
+    singular = [not e.plain for e in exponents]
     if not any(singular):
         return None
     if all(singular):
-        first, last = (Departure(b, (q,), np.zeros(1)) for b, q in exponents)
+        first, last = (Departure.like(leaves) for leaves in exponents)
         return factored_graph(problem, (first, last))
     at_start = singular[0]
-    corner, other, (b, q) = (start, end, exponents[0]) if at_start else (end, start, exponents[1])
+    corner, other, leaves = (start, end, exponents[0]) if at_start else (end, start, exponents[1])
+    b, q = leaves.fractional, leaves.ordinate
     inward = width if at_start else -width
     s = problem.symbols
     symbols = replace(Symbols.make(s.kind, 1, 1, 0, len(problem.unknowns)), parameters=s.parameters)
     t, z = symbols.x, symbols.y
-    near = t if at_start else 1 - t
+    # t runs from 0 or to 0 at the singular end, next to which 1 - t would have no digits
+    side, span = (1.0, (0.0, 1.0)) if at_start else (-1.0, (-1.0, 0.0))
+    near = side * t
     step = inward * near**b
     x = step if corner[0] == 0.0 else corner[0] + step
     y = corner[1] + near**q * z
@@ -53,18 +56,19 @@ def abscissa_form(problem: Problem) -> Form | None:
         """A curve y(x) in the coordinates of the form."""
 
         def pulled(at: np.ndarray) -> np.ndarray:
-            near = np.maximum(at if at_start else 1 - at, 1e-3)
+            near = np.maximum(side * at, 1e-3)
             return (curve(corner[0] + inward * near**b) - corner[1]) / near**q
 
         return pulled
 
-    return Form(
+    form = Form(
         problem,
         Coordinates(
-            Stated(symbols, integrand, integrand, (x, y, speed, climb)), pull=pull, note=f"x ~ t^{b}, y ~ t^{q}",
+            Stated(symbols, integrand, integrand, (x, y, speed, climb)), span, pull, note=f"x ~ t^{b:.4g}, y ~ t^{q}",
             singular=(at_start, not at_start), weak_only=True,
         ),
         Ends((free if at_start else far)[None], (far if at_start else free)[None]),
         Conditions(),
-        Start(straight((0.0, 1.0), far, far), problem.unknown_guesses, np.eye(1)),
+        Start(straight(span, far, far), problem.unknown_guesses, np.eye(1)),
     )  # fmt: skip
+    return form.on_mesh([side * SHRINK ** (k + 1) for k in range(leaves.layers)])

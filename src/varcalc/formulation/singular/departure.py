@@ -15,7 +15,7 @@ from varcalc.formulation.singular.detection import (
     finite_cost,
     line_through,
 )
-from varcalc.formulation.singular.indicial import powers_at_ends
+from varcalc.formulation.singular.indicial import Growth, powers_at_ends
 from varcalc.formulation.singular.powers import exponent
 from varcalc.problem.problem import Problem
 
@@ -33,13 +33,20 @@ class Departure:
     """Along the extremal x - x0 grows like t^``abscissa`` and y_i - y0_i like t^``ordinates[i]``.
 
     ``side`` (n,) is the direction from the end into the domain, 0 for components along the singular line. ``power`` is
-    that of the unknown function in y: where it is not 1, its base cannot change the side.
+    that of the unknown function in y: where it is not 1, its base cannot change the side. Meshes are graded toward the
+    end by so many ``layers``.
     """
 
     abscissa: int
     ordinates: tuple[int, ...]
     side: np.ndarray
     power: int = 1
+    layers: int = 0
+
+    @classmethod
+    def like(cls, found: Growth) -> Departure:
+        """That of one function at an end where L is singular in x."""
+        return cls(found.abscissa, (found.ordinate,), np.zeros(1), layers=found.layers)
 
 
 def departure(problem: Problem, at_start: bool) -> Departure | None:
@@ -54,14 +61,14 @@ def departure(problem: Problem, at_start: bool) -> Departure | None:
     if problem.n > 1:
         return None
     if line is not None and _across_x(line):
-        b, q = powers_at_ends(problem)[0 if at_start else 1]
-        return None if (b, q) == (1, 1) else Departure(b, (q,), np.zeros(1))
+        found = powers_at_ends(problem)[0 if at_start else 1]
+        return None if found.plain else Departure.like(found)
     points = end_points(problem)
     here, other = points if at_start else points[::-1]
-    found = exponent(problem, here, np.where(np.isnan(other), here + extent(problem), other))
-    if found is None:
+    leaves = exponent(problem, here, np.where(np.isnan(other), here + extent(problem), other))
+    if leaves is None:
         return None
-    power, side = found
+    power, side = leaves
     fraction = Fraction(power).limit_denominator(2 * LARGEST_DENOMINATOR)
     if fraction <= 0:
         return None

@@ -36,6 +36,7 @@ from varcalc.formulation import (
 from varcalc.formulation import through as broken
 from varcalc.formulation.singular.departure import Departure
 from varcalc.formulation.singular.detection import end_points
+from varcalc.formulation.singular.indicial import SHRINK
 from varcalc.formulation.singular.offsets import gathered
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Through
@@ -96,7 +97,7 @@ def factored_graph(problem: Problem, departures: tuple[Departure | None, Departu
     def at_end(k: int, z: Expression) -> tuple[Expression, Expression]:
         return xs[k], ca.substitute(frame.ordinates(symbols.y), ca.vertcat(symbols.x, symbols.y), ca.vertcat(k, z))
 
-    return Form(
+    form = Form(
         problem,
         Coordinates(
             Stated(symbols, integrand, integrand, (frame.x, y, speed, climb)), pull=_pull(frame, place, singular),
@@ -106,6 +107,14 @@ def factored_graph(problem: Problem, departures: tuple[Departure | None, Departu
         conditions_of(problem, rewrite, {_parameter(place, x) for x in breaks(problem)}, waypoints),
         Start(broken((0.0, 1.0), straight((0.0, 1.0), *guesses), waypoints), guess, np.eye(problem.n)),
     )  # fmt: skip
+    return form.on_mesh(_layers([0 if one is None else one.layers for one in departures]))
+
+
+def _layers(counts: list[int]) -> list[float]:
+    """The vertices in t of so many layers beside each of the two ends."""
+    width = 0.5 if all(counts) else 1.0
+    first, last = ([width * SHRINK ** (k + 1) for k in range(count)] for count in counts)
+    return [*first, *(1 - step for step in last)]
 
 
 def _motion(frame: _Frame, symbols: Symbols) -> tuple[Expression, Expression, Expression]:

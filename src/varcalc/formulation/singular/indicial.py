@@ -8,14 +8,14 @@ the larger root of e (e + s - 1) = kappa (the indicial equation: Hartman,
 "Ordinary Differential Equations", ch. XI); where it tends to zero like a power
 of d, that power is added to e again and again, and so is that of what L_y pulls
 with. In t with d = t^b all are whole powers of t where they are fractions of
-small denominators. Where they are not, b is large enough for each to be a curve
-that polynomials come near fast.
+small denominators. Where they are not, meshes are graded toward the end: polynomials on elements that shrink by a
+common ratio come near every power at a geometric rate (Schwab, "p- and hp-Finite Element Methods", sect. 3.3), and b
+is no larger than the curve needs to leave the end smoothly.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +28,18 @@ FEW_SLOPES = np.array([-1e6, -1e3, -1.0, -1e-3, 1e-3, 1.0, 1e3, 1e6])
 MEASURED = 1e-4
 """Accuracy with which an exponent is measured."""
 SMOOTH = 6
-"""Power of t that a curve grows with next to an end where no whole power of t is all of it."""
+"""Power of t from which what is no whole power of it counts for one."""
+LEAVES, MOST_LEAVES = 3, 8
+"""Power of t that a curve grows with next to an end toward which its mesh is graded: at least, and at most, as what is
+left of polynomials times more is not told apart at the end itself.
+"""
+SHRINK = 0.1
+"""Ratio of an element to its neighbour in a mesh that is graded toward an end."""
+DIGITS, MOST_LAYERS = 13.0, 10
+"""Digits to which what L comes to in the element at the end is nothing, and layers that round-off tells apart."""
+SQUARED, NEXT_TO_END = 150, 3
+"""Decades of the distance that can be squared, and decades of t from the innermost vertex to the first point of a rule.
+"""
 LARGEST_POWER = 40
 """Largest power of t in x: a step of a twentieth in t leaves numbers that can still be squared."""
 MOST_WHOLE = 2 * LARGEST_DENOMINATOR
@@ -42,6 +53,30 @@ LEFT_OVER = 1e-2
 """Share of two terms that is left when they cancel and tells nothing, as where L is a length and a curve is upright."""
 SURELY_NEGATIVE = -1e-4
 """What is as little below zero is as good as zero, with the digits that L keeps so near an end."""
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Beside an end the distance from it is t^``abscissa``, and the curve grows like t^``ordinate``.
+
+    Where other powers are not whole a mesh is to have so many ``layers``, each SHRINK as far from the end as the last,
+    and t^``ordinate`` is all of the first power where the distance is t^``fractional``.
+    """
+
+    abscissa: int = 1
+    ordinate: int = 1
+    layers: int = 0
+    fractional: float = 1.0
+
+    @property
+    def plain(self) -> bool:
+        """Whether the abscissa itself serves."""
+        return self == Growth()
+
+    @property
+    def steep(self) -> bool:
+        """Whether the slope of the curve is infinite at the end."""
+        return self.ordinate < self.abscissa
 
 
 @dataclass(frozen=True)
@@ -147,25 +182,28 @@ def unfelt(momenta: np.ndarray) -> tuple[bool, bool]:
     return start, end
 
 
-def powers_at_ends(problem: Problem) -> list[tuple[int, int]]:
-    """(b, q) at both ends, whose coordinates are known: y grows like t^q where the distance is t^b, or (1, 1)."""
+def powers_at_ends(problem: Problem) -> list[Growth]:
+    """With which powers of t extremals leave both ends, whose coordinates are known."""
     start, end = completed_ends(problem)
     width = float(end[0] - start[0])
     seen = singular_ends_of(problem)
     return [
-        _powers(problem, float(point[0]), inward, beside)
+        _powers(problem, point, inward, beside)
         for point, inward, beside in zip((start, end), (width, -width), seen, strict=True)
     ]
 
 
-def _powers(problem: Problem, place: float, inward: float, beside: SingularEnd | None) -> tuple[int, int]:
-    """(b, q) at one end, of which variations tell what lies ``beside`` it."""
+def _powers(problem: Problem, end: np.ndarray, inward: float, beside: SingularEnd | None) -> Growth:
+    """The powers at one end, of which variations tell what lies ``beside`` it."""
     if beside is not None and beside.oscillates:
-        return 1, 1
+        return Growth()
+    place, held = float(end[0]), bool(end[1] != 0.0)
     if beside is not None and beside.euler:
-        return whole_powers(beside.exponent, beside.steps)
-    found = growth(problem, place, place + inward)
-    return whole_powers(1.0 if found is None else found, () if beside is None else beside.steps)
+        exponent = beside.exponent
+    else:
+        found = growth(problem, place, place + inward)
+        exponent = 1.0 if found is None else found
+    return growth_of(exponent, beside, held=held)
 
 
 def growth(problem: Problem, place: float, toward: float) -> float | None:
@@ -186,19 +224,27 @@ def growth(problem: Problem, place: float, toward: float) -> float | None:
     return None if slope is None or not math.isfinite(slope) or slope <= -1 else 1.0 + slope
 
 
-def whole_powers(exponent: float, steps: Sequence[float] = ()) -> tuple[int, int]:
-    """(b, q) with q / b the exponent, b times each of the ``steps`` being whole or so much that the rest is smooth.
+def growth_of(exponent: float, beside: SingularEnd | None = None, *, held: bool = False) -> Growth:
+    """The powers of t in which a curve that grows like the ``exponent`` of the distance is smooth, or its mesh graded.
 
-    Where the exponent is no fraction of small numbers, q / b is not above it, and b large.
+    ``held`` tells that it leaves an ordinate other than zero, where what L says of that is to be summed as well.
     """
+    steps = () if beside is None else beside.steps
     known = [(v, v - exponent if v > exponent else v) for v in steps if _broken(v)]
-    for b in range(1, LARGEST_POWER + 1):
-        q, few = round(b * exponent), b <= MOST_WHOLE
-        whole = 0 < q <= (MOST_WHOLE if few else LARGEST_POWER) and abs(exponent - q / b) <= MEASURED
-        if whole and all((few and abs(v - round(b * v) / b) <= A_FRACTION) or b * gap >= SMOOTH for v, gap in known):
-            return b, q
-    b = min(math.ceil(SMOOTH / min([exponent, *(gap for _, gap in known)])), LARGEST_POWER)
-    return b, max(1, math.floor(b * exponent + MEASURED))
+    for b in range(1, MOST_WHOLE + 1):
+        q = round(b * exponent)
+        whole = 0 < q <= MOST_WHOLE and abs(exponent - q / b) <= MEASURED
+        if whole and all(abs(v - round(b * v) / b) <= A_FRACTION or b * gap >= SMOOTH for v, gap in known):
+            return Growth(b, q, fractional=b)
+    power = 1.0 - exponent if beside is None else beside.power
+    # the powers of the distance that integrals of L from the end grow with: of the slope, of y^2, of y
+    sums = [2 * exponent + power - 1, *(v + power - 1 for v in steps if held)]
+    decades = DIGITS / max(min(sums), DIGITS / SQUARED)
+    q = min(max(LEAVES, math.ceil(exponent * decades / MOST_LAYERS)), MOST_LEAVES, math.floor(LARGEST_POWER * exponent))
+    q = max(1, q)
+    b = math.ceil(q / exponent)
+    layers = min(math.ceil(decades / b), MOST_LAYERS, max(0, math.floor(SQUARED / b) - NEXT_TO_END))
+    return Growth(b, q, layers, q / exponent)
 
 
 def _pulled(end: SingularEnd | None, steps: np.ndarray, pull: np.ndarray, momentum: np.ndarray) -> SingularEnd | None:
