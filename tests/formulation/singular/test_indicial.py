@@ -84,7 +84,7 @@ def test_powers_of_what_a_curve_grows_with():
         return SingularEnd(0.0, 0.0, 0.0, steps)
 
     assert growth_of(1.0, beside(1.5)) == Growth(2, 2, fractional=2)
-    assert growth_of(1.0, beside(1.7, 2.0)) == Growth(9, 9, fractional=9)  # 15.3 is as smooth as whole
+    assert growth_of(1.0, beside(1.7, 2.0)) == Growth(10, 10, fractional=10)
     assert growth_of(1.0, beside(1.2)) == Growth(5, 5, fractional=5)
     assert growth_of(1.0, beside(2.0)).plain
     leaves = growth_of(0.8872983346)
@@ -124,6 +124,28 @@ def test_powers_that_are_no_fractions(weight, load, power, start, mirrored):
         share = (1 - start * level) / y
         exact = float(share * steep + start * rises - start * share * (1 - mpf(weight)))
     assert solution.value == pytest.approx(exact, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("weight", "load", "power"), [(-0.4315, 2.4, -0.8565), (0.0155, 2.9, -0.6156), (0.4, 1.2, 0.7)]
+)
+def test_a_free_end_where_powers_are_no_fractions(weight, load, power):
+    problem = vc.Problem(lambda x, y, v: x**weight * v**2 + load * x**power * y**2, vc.Free(0), vc.Fixed(1, 1))
+    with mp.workdps(30):
+        y, steep = growing(weight, load, power, False)
+    assert vc.solve(problem).value == pytest.approx(float(steep / y), rel=1e-10)
+
+
+@pytest.mark.parametrize("pull", [0.0, -1.5])
+def test_a_free_end_that_an_inverse_square_holds(pull):
+    # x^s (y'^2 + c y^2 / x^2) + k y x^q: y = a x^m + b x^e
+    s, c, q = 0.142, 1.246, -0.771
+    problem = vc.Problem(lambda x, y, v: x**s * (v**2 + c * y**2 / x**2) + pull * y * x**q, vc.Free(0), vc.Fixed(1, 1))
+    m, e = q + 2 - s, 0.5 * (1 - s) + np.sqrt(0.25 * (1 - s) ** 2 + c)
+    a = 0.5 * pull / (m * (m + s - 1) - c)
+    b = 1 - a
+    exact = m * a + e * b + 0.5 * pull * (a / (m + q + 1) + b / (e + q + 1))
+    assert vc.solve(problem).value == pytest.approx(exact, abs=2e-10)
 
 
 def in_root(right, ends, unknowns=()):

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Elsewhere, Form, formulate
-from varcalc.formulation.singular.abscissa import abscissa_form
+from varcalc.formulation.singular.abscissa import abscissa_form, free_end_form
 from varcalc.formulation.singular.added import added_derivative, added_to, without
 from varcalc.formulation.singular.alike import alike, ends_at, energetic_at
 from varcalc.formulation.singular.departure import departure
@@ -162,7 +162,12 @@ def _makers(problem: Functional) -> Makers:
     beyond = almost_singular_ends(problem) if seen is None else seen.beyond
     both_fixed = problem.start.fixed and problem.end.fixed
     if not (any(singular) or any(beyond) or both_fixed):
-        return [direct]
+        felt = (
+            isinstance(problem, Problem)
+            and not any(problem.slides)
+            and ca.depends_on(problem.integrand, problem.symbols.x)
+        )
+        return [partial(free_end_form, problem), direct] if felt else [direct]
     if seen is not None and (inner := _of_restated(seen.problem, seen, both_fixed=both_fixed)) is not None:
         return inner
     metric = homogeneous(problem) if seen is None else seen.metric

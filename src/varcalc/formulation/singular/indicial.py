@@ -28,8 +28,8 @@ FEW_SLOPES = np.array([-1e6, -1e3, -1.0, -1e-3, 1e-3, 1.0, 1e3, 1e6])
 MEASURED = 1e-4
 """Accuracy with which an exponent is measured."""
 SMOOTH = 6
-"""Power of t from which what is no whole power of it counts for one."""
-LEAVES, MOST_LEAVES = 3, 8
+"""Power of the distance from which what is no whole power of it counts for one."""
+LEAVES, MOST_LEAVES = 2, 8
 """Power of t that a curve grows with next to an end toward which its mesh is graded: at least, and at most, as what is
 left of polynomials times more is not told apart at the end itself.
 """
@@ -148,8 +148,11 @@ def singular_ends_of(problem: Problem) -> tuple[SingularEnd | None, SingularEnd 
         momentum = hessian[:, :, 2, 2]
         second = np.stack([hessian[:, :, 1, 1], hessian[:, :, 1, 2], momentum], axis=1)
         ends = [singular_end(float(points[k, 0]), steps[k], second[k]) for k in (0, 1)]
-        # where L_y drives a curve off the ordinate of the end however near it is, none that begins there is an extremal
-        driven = np.abs(steps**2 * whole / momentum)[:, 1] > REGULAR_SHARE * np.abs(points[:, 1]).max()
+        # where L_y drives a curve off the ordinate of the end however near it is, none that begins there is extremal;
+        # a free end is where it does not, which is looked for at zero
+        free = [not end.fixed for end in (problem.start, problem.end)]
+        drives = np.where(np.array(free)[:, None], pull, whole)
+        driven = np.abs(steps**2 * drives / momentum)[:, 1] > REGULAR_SHARE * np.abs(points[:, 1]).max()
         ends = [None if end is not None and end.euler and driven[k] else end for k, end in enumerate(ends)]
         return _pulled(ends[0], steps[0], pull[0], momentum[0]), _pulled(ends[1], steps[1], pull[1], momentum[1])
 
@@ -206,6 +209,31 @@ def _powers(problem: Problem, end: np.ndarray, inward: float, beside: SingularEn
     return growth_of(exponent, beside, held=held)
 
 
+@dataclass(frozen=True)
+class FreeEnd:
+    """With which powers of t extremals leave a free end, and the ``ordinate`` that L holds there; None where none."""
+
+    growth: Growth
+    ordinate: float | None
+
+
+def powers_at_a_free_end(problem: Problem, at_start: bool) -> FreeEnd | None:
+    """What L_y' = 0 makes of extremals beside the free end of a problem; None where that is not known.
+
+    From c they depart by the powers by which L_yy and what else L_y holds bend them. Where kappa is not zero they come
+    to the ordinate at which L_y vanishes, told where it is zero.
+    """
+    beside = singular_ends_of(problem)[0 if at_start else 1]
+    if beside is None or beside.oscillates:
+        return None
+    bent = [step for step in beside.steps if step > A_FRACTION]
+    if not beside.euler:
+        return FreeEnd(growth_of(min(bent, default=2.0), beside, held=True), None)
+    if beside.exponent <= 0:
+        return None
+    return FreeEnd(growth_of(min([beside.exponent, *bent]), beside), 0.0)
+
+
 def growth(problem: Problem, place: float, toward: float) -> float | None:
     """The power of the distance from a ``place``, on the way ``toward`` another, that y grows with there: L_y' = const.
 
@@ -230,15 +258,16 @@ def growth_of(exponent: float, beside: SingularEnd | None = None, *, held: bool 
     ``held`` tells that it leaves an ordinate other than zero, where what L says of that is to be summed as well.
     """
     steps = () if beside is None else beside.steps
-    known = [(v, v - exponent if v > exponent else v) for v in steps if _broken(v)]
+    power = 1.0 - exponent if beside is None else beside.power
+    # the powers of the distance that integrals of L from a held ordinate grow with, of y^2 and of y
+    kept = [v + power - 1 for v in steps if held]
+    known = [v for v in (*steps, *kept) if _broken(v)]
     for b in range(1, MOST_WHOLE + 1):
         q = round(b * exponent)
         whole = 0 < q <= MOST_WHOLE and abs(exponent - q / b) <= MEASURED
-        if whole and all(abs(v - round(b * v) / b) <= A_FRACTION or b * gap >= SMOOTH for v, gap in known):
+        if whole and all(abs(v - round(b * v) / b) <= A_FRACTION for v in known):
             return Growth(b, q, fractional=b)
-    power = 1.0 - exponent if beside is None else beside.power
-    # the powers of the distance that integrals of L from the end grow with: of the slope, of y^2, of y
-    sums = [2 * exponent + power - 1, *(v + power - 1 for v in steps if held)]
+    sums = [2 * exponent + power - 1, *kept]
     decades = DIGITS / max(min(sums), DIGITS / SQUARED)
     q = min(max(LEAVES, math.ceil(exponent * decades / MOST_LAYERS)), MOST_LEAVES, math.floor(LARGEST_POWER * exponent))
     q = max(1, q)

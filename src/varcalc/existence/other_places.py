@@ -1,0 +1,199 @@
+"""Where else on phi = 0 an end that slides may be best: the known curve is drawn to other points of it.
+
+phi is told on a grid about the known curve, and between two of its places that phi parts lies a point of phi = 0. The
+known curve, bent evenly towards such a point, is a curve that the problem admits where nothing else is asked of it.
+Points at which what is minimised along it is least of all around are where other valleys begin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from varcalc.existence.directions import end_cost
+from varcalc.formulation import Sampled
+from varcalc.numerics.mesh import composite_gauss
+from varcalc.problem.conditions import AnyEnd, Isoperimetric, OnCurve, OnSurface, Through
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Curve, Problem
+from varcalc.solution import Solution
+
+REACH = 4.0
+"""How far from the known end points of phi = 0 are looked for, in units of the known curve's extents."""
+PLACES_ON_GRID = 61
+"""Along each coordinate of the grid on which phi is told."""
+PIECES_DRAWN, POINTS_DRAWN = 12, 4
+"""Pieces of the known curve, and Gauss points on each, by which a drawn curve is summed."""
+ONE_VALLEY = 0.3
+"""Distance of points, in units of the extents, within which one of them is the least."""
+WORTH_FOLLOWING = 0.5
+"""How far above the known value, in units of what is summed, a drawn curve may be for a valley to be lower."""
+NEAREST_ABSCISSA = 1e-2
+"""Of the interval: how near to the other end the abscissa of a sliding end is looked for."""
+MOST_PLACES = 3
+"""Points of one end from which valleys are followed."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A ``point`` of phi = 0, with the ``start`` of a curve to it and the ``value`` of what is minimised along that.
+
+    ``end`` slides from there, at the side 0 or 1 of the interval, and ``span`` is the interval.
+    """
+
+    point: np.ndarray
+    value: float
+    side: int
+    end: AnyEnd
+    span: tuple[float, float]
+    start: Sampled
+
+
+def other_places(best: Solution) -> list[Place]:
+    """Where else the ends that slide may be best, the lowest first; none where that is not told from drawn curves.
+
+    Those of graphs of one function, and of curves of the plane, without levels and waypoints.
+    """
+    problem = best.problem
+    known = isinstance(problem, Problem) and problem.n == problem.order == 1
+    known = known or (isinstance(problem, Curve) and problem.n == 2)
+    if not known or best.curve is None or problem.unknowns or any(problem.of_type(Isoperimetric, Through)):
+        return []
+    found = [place for side in (0, 1) if problem.slides[side] for place in _Drawn(best, side).places()]
+    return sorted(found, key=lambda place: place.value)
+
+
+class _Drawn:
+    """The known curve drawn to other points by its end at one ``side``, the other end where it is."""
+
+    def __init__(self, best: Solution, side: int) -> None:
+        assert best.curve is not None
+        self.problem, self.side, self._curve = best.problem, side, best.curve
+        self._graph = isinstance(best.problem, Problem)
+        self._span = (float(best.x.min()), float(best.x.max())) if self._graph else best.problem.span
+        self._label = ("start", "end")[side]
+        x, self._weights = composite_gauss(np.linspace(*self._span, PIECES_DRAWN + 1), POINTS_DRAWN)
+        self._known, self._rates = self._along(x)
+        share = (x - self._span[0]) / (self._span[1] - self._span[0])
+        self._share, self._rate = (share, 1.0) if side else (1 - share, -1.0)
+        self._rate /= self._span[1] - self._span[0]
+        self._ends = self._along(np.array(self._span))[0]
+        extents = np.ptp(np.column_stack([self._known, self._ends]), axis=1)
+        self._extents = np.where(extents > 0, extents, extents.max())
+
+    def _along(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The known curve as one of the plane, (2, m), and its rates by its parameter."""
+        points, rates = self._curve(x, 0), self._curve(x, 1)
+        if not self._graph:
+            return points, rates
+        return np.vstack([x, points]), np.vstack([np.ones_like(x), rates])
+
+    def places(self) -> Iterator[Place]:
+        """The points at which a drawn curve is lower than to all others nearby, and not much above the known one."""
+        points = self._points()
+        if not len(points):
+            return
+        at_known = self._ends[:, [self.side]].T
+        with np.errstate(all="ignore"):
+            values, summed = self._values(points)
+            (own,), (size,) = self._values(at_known)
+        scaled, known = points / self._extents, at_known[0] / self._extents
+        values = np.where(np.isfinite(values), values, np.inf)
+        apart = np.linalg.norm(scaled - known, axis=1) > ONE_VALLEY
+        low = np.flatnonzero(apart & (values < own + WORTH_FOLLOWING * size))
+        near = np.linalg.norm(scaled[low, None] - scaled[None], axis=2) <= ONE_VALLEY
+        least = low[values[low] <= np.where(near, values, np.inf).min(axis=1)] if len(low) else low
+        for k in least[np.argsort(values[least], kind="stable")][:MOST_PLACES].tolist():
+            yield self._place(points[k], float(values[k]))
+
+    def _points(self) -> np.ndarray:
+        """Points (k, 2) of phi = 0: on the grid's lines, straight between two places that it parts."""
+        kind, end = self.problem.symbols.kind, self._ends[:, self.side]
+        symbols = [kind.sym("x"), kind.sym("y")] if self._graph else [kind.sym("q", 2)]
+        phi = self._phi(symbols, kind)
+        if phi is None:
+            return np.zeros((0, 2))
+        low, high = (end + sign * REACH * self._extents for sign in (-1, 1))
+        if self._graph:  # the ends of the interval keep their order
+            other, nearest = self._ends[0, 1 - self.side], NEAREST_ABSCISSA * self._extents[0]
+            low[0], high[0] = (max(low[0], other + nearest), high[0]) if self.side else (low[0], min(high[0], other - nearest))
+        axes = [np.linspace(a, b, PLACES_ON_GRID) for a, b in zip(low, high, strict=True)]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"))
+        levels = np.asarray(phi(grid.reshape(2, -1))).reshape(grid.shape[1:])
+        found = []
+        for axis in (0, 1):
+            before, after = (np.take(levels, range(k, PLACES_ON_GRID - 1 + k), axis) for k in (0, 1))
+            a, b = (np.take(grid, range(k, PLACES_ON_GRID - 1 + k), axis + 1) for k in (0, 1))
+            parted = before * after <= 0
+            share = before[parted] / np.where(before == after, 1.0, before - after)[parted]
+            found.append((a[:, parted] + share * (b - a)[:, parted]).T)
+        return np.concatenate(found)
+
+    def _phi(self, symbols: list[ca.SX], kind: type) -> ca.Function | None:
+        """Phi of points (2, m)."""
+        x, y = symbols if self._graph else (kind.sym("t"), *symbols)
+        level = self.problem.traced_slide(self._label, x, y, kind)
+        if level is None:
+            return None
+        return ca.Function("phi", [ca.vertcat(*symbols)], [ca.densify(level)])
+
+    def _values(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What is minimised along the curves drawn to ``points`` (k, 2), and the same of its absolute value; (k,)."""
+        away = (points - self._ends[:, self.side])[:, :, None]
+        places = self._known + self._share * away
+        rates = self._rates + self._rate * away
+        columns = [a.transpose(1, 0, 2).reshape(2, -1) for a in (places, rates)]
+        problem = self.problem
+        if isinstance(problem, Problem):
+            (x, y), (dx, dy) = columns
+            along = problem.integrand_values(x, y[None], (dy / dx)[None]) * dx
+        else:
+            assert isinstance(problem, Curve)
+            along = problem.integrand_values(*columns)
+        along = problem.sign * along.reshape(len(points), -1)
+        return along @ self._weights + self._costs(points), np.abs(along) @ self._weights
+
+    def _costs(self, points: np.ndarray) -> np.ndarray:
+        """What the ends cost, as it is minimised; (k,)."""
+        cost = end_cost(self.problem)
+        if cost is None:
+            return np.zeros(len(points))
+        ends = [np.broadcast_to(self._ends[:, [k]], (2, len(points))) for k in (0, 1)]
+        ends[self.side] = points.T
+        if self._graph:
+            handed = [row for end in ends for row in (end[[0]], end[[1]])]
+        else:
+            times = (np.full((1, len(points)), t) for t in self._span)
+            handed = [part for pair in zip(times, ends, strict=True) for part in pair]
+        numbers = [np.tile(self.problem.parameter_values[:, None], len(points)), np.zeros((0, len(points)))]
+        return self.problem.sign * np.asarray(cost(*handed, *numbers)).ravel()
+
+    def _place(self, point: np.ndarray, value: float) -> Place:
+        """The point with what a solve that begins there needs."""
+        own = getattr(self.problem, self._label)
+        away = point - self._ends[:, self.side]
+        first, last = self._span
+        if not self._graph:
+            assert isinstance(own, OnSurface)
+
+            def drawn(t: np.ndarray) -> np.ndarray:
+                share = (t - first) / (last - first)
+                return self._curve(t, 0) + (share if self.side else 1 - share) * away[:, None]
+
+            return Place(point, value, self.side, OnSurface(own.phi, tuple(point.tolist())), self._span, drawn)
+        assert isinstance(own, OnCurve)
+        a, b = (first, float(point[0])) if self.side else (float(point[0]), last)
+
+        def graph(x: np.ndarray) -> np.ndarray:
+            share = np.clip((x - a) / (b - a), 0.0, 1.0)
+            return self._curve(first + share * (last - first), 0) + (share if self.side else 1 - share) * away[1]
+
+        return Place(point, value, self.side, OnCurve(own.phi, x=float(point[0])), (a, b), graph)
+
+
+def begun_at(problem: Functional, place: Place) -> Functional:
+    """The problem with the end that slides to begin at a place."""
+    return problem.restated(start=place.end) if place.side == 0 else problem.restated(end=place.end)
