@@ -7,7 +7,7 @@ from mpmath import besseli, diff, gamma, mp, mpf, sqrt
 from scipy.integrate import solve_bvp
 
 import varcalc as vc
-from varcalc.formulation.singular.indicial import Growth, SingularEnd, growth_of
+from varcalc.formulation.singular.indicial import Growth, SingularEnd, growth_of, infinite_at
 
 
 def value_of(load, power, start):
@@ -146,6 +146,26 @@ def test_a_free_end_that_an_inverse_square_holds(pull):
     b = 1 - a
     exact = m * a + e * b + 0.5 * pull * (a / (m + q + 1) + b / (e + q + 1))
     assert vc.solve(problem).value == pytest.approx(exact, abs=2e-10)
+
+
+@pytest.mark.parametrize("lagrangian", [
+    lambda x, y, v: v**2 + 2 * y**2 / x**2,
+    lambda x, y, v: x**0.3 * v**2 + y**2 / x,
+    lambda x, y, v: v**2 + (y - 1) ** 2 / x**1.3,
+])  # fmt: skip
+def test_an_ordinate_at_which_every_curve_has_an_infinite_value(lagrangian):
+    solution = vc.solve(vc.Problem(lagrangian, vc.Fixed(0, 0.5), vc.Fixed(1, 1)), throw=False)
+    assert solution.verdict is vc.Verdict.INFEASIBLE
+    assert "infinite for every curve" in solution.message
+
+
+def test_a_curve_that_follows_what_l_holds_has_a_finite_value():
+    # along y = 1 + sqrt(x) L is 1 / (4 x^0.7) alone; at y = 1 it is like 1 / x^1.2
+    def lagrangian(x, y, v):
+        return x**0.3 * v**2 + (y - 1 - ca.sqrt(x)) ** 2 / x**2.2
+
+    assert infinite_at(vc.Problem(lagrangian, vc.Fixed(0, 1), vc.Fixed(1, 2))) is None
+    assert infinite_at(vc.Problem(lagrangian, vc.Fixed(0, 0.5), vc.Fixed(1, 2))) == "start"
 
 
 def in_root(right, ends, unknowns=()):

@@ -38,11 +38,12 @@ from varcalc.formulation.singular.detection import (
 from varcalc.formulation.singular.edge import edge_form
 from varcalc.formulation.singular.energy import Energy, energy_forms
 from varcalc.formulation.singular.graph import applies, factored_graph
-from varcalc.formulation.singular.indicial import momenta_beside_ends, regular, unfelt
+from varcalc.formulation.singular.indicial import infinite_at, momenta_beside_ends, regular, unfelt
 from varcalc.formulation.singular.inside import inside_form
 from varcalc.formulation.singular.powers import power_form
 from varcalc.formulation.singular.units import in_unit, restated
 from varcalc.problem.breaks import breaks, singular_inside
+from varcalc.problem.convexity import proved_quadratic
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.symbolic.derived import derived
@@ -161,6 +162,8 @@ def _makers(problem: Functional) -> Makers:
     singular = singular_ends(problem) if seen is None else seen.singular
     beyond = almost_singular_ends(problem) if seen is None else seen.beyond
     both_fixed = problem.start.fixed and problem.end.fixed
+    if isinstance(problem, Problem) and any(singular) and proved_quadratic(problem):
+        _refuse_infinite(problem)
     if not (any(singular) or any(beyond) or both_fixed):
         felt = (
             isinstance(problem, Problem)
@@ -192,6 +195,16 @@ def _of_restated(problem: Problem, seen: Survey, *, both_fixed: bool) -> Makers 
     else:
         return None
     return [partial(_direct, problem) if maker.func is _direct else partial(own, maker) for maker in _makers(inner)]
+
+
+def _refuse_infinite(problem: Problem) -> None:
+    """Raises Infinite where L is of second degree and infinite beside the ordinate of an end, whatever the curve."""
+    end = infinite_at(problem)
+    if end is not None:
+        raise Infinite(
+            f"L has no finite integral beside the ordinate of the {end}, so the functional is infinite for every curve "
+            "that ends there; leave that end free, or give it the ordinate at which L is finite"
+        )
 
 
 def _with_more(problem: Functional) -> Makers:

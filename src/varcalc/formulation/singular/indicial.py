@@ -51,6 +51,8 @@ REGULAR_POWER, REGULAR_SHARE = 1e-2, 1e-4
 """Powers of L_y'y', and values of kappa at the nearer distance, that are none: beside a regular end they are 1e-9."""
 LEFT_OVER = 1e-2
 """Share of two terms that is left when they cancel and tells nothing, as where L is a length and a curve is upright."""
+STAYS, NO_INTEGRAL = 0.5, -1.0 + 1e-7
+"""Share of a distance from the ordinate of an end that is left nearer to that, and the power of L with no integral."""
 SURELY_NEGATIVE = -1e-4
 """What is as little below zero is as good as zero, with the digits that L keeps so near an end."""
 
@@ -155,6 +157,32 @@ def singular_ends_of(problem: Problem) -> tuple[SingularEnd | None, SingularEnd 
         driven = np.abs(steps**2 * drives / momentum)[:, 1] > REGULAR_SHARE * np.abs(points[:, 1]).max()
         ends = [None if end is not None and end.euler and driven[k] else end for k, end in enumerate(ends)]
         return _pulled(ends[0], steps[0], pull[0], momentum[0]), _pulled(ends[1], steps[1], pull[1], momentum[1])
+
+
+def infinite_at(problem: Problem) -> str | None:
+    """The end of an L of second degree at whose ordinate all curves have infinite values; None where none is shown.
+
+    With the slope that makes L least it is a parabola of y. Where the least point of that stays away from the ordinate
+    of the end, L is above a share of the rise between them on every curve that comes near it: a power of the distance.
+    """
+    points, width = np.array(end_points(problem)), problem.span[1] - problem.span[0]
+    steps = width * np.array([PROBE, PROBE]) * [[1.0], [-1.0]]
+    y = points[:, 1:].repeat(2, axis=1)
+    with np.errstate(all="ignore"):
+        found = problem.integrand_derivatives((points[:, :1] + steps).ravel(), y.ravel()[None], np.zeros((1, 4)))
+        value = problem.sign * found.rows[:, 0].reshape(2, 2)
+        gradient = problem.sign * found.gradient.reshape(2, 2, 3)
+        hessian = problem.sign * found.hessian.reshape(2, 2, 3, 3)
+        share = gradient[:, :, 2] / hessian[:, :, 2, 2]
+        least = value - 0.5 * share * gradient[:, :, 2]
+        slope = gradient[:, :, 1] - share * hessian[:, :, 1, 2]
+        bend = hessian[:, :, 1, 1] - hessian[:, :, 1, 2] ** 2 / hessian[:, :, 2, 2]
+        away, rise = np.abs(slope / bend), 0.5 * slope**2 / bend
+        half_way = least - 0.75 * rise  # of the parabola at half of the way to its least point
+        power = np.log(half_way[:, 1] / half_way[:, 0]) / math.log(PROBE[1] / PROBE[0])
+        convex = (hessian[:, :, 2, 2] > 0).all(1) & (bend > 0).all(1) & (half_way > 0).all(1)
+        shown = convex & (away[:, 1] > STAYS * away[:, 0]) & (away[:, 0] > 0) & (power < NO_INTEGRAL)
+    return None if not shown.any() else "start" if shown[0] else "end"
 
 
 def _chord(points: np.ndarray) -> float:
