@@ -165,12 +165,7 @@ def _makers(problem: Functional) -> Makers:
     if isinstance(problem, Problem) and any(singular) and proved_quadratic(problem):
         _refuse_infinite(problem)
     if not (any(singular) or any(beyond) or both_fixed):
-        felt = (
-            isinstance(problem, Problem)
-            and not any(problem.slides)
-            and ca.depends_on(problem.integrand, problem.symbols.x)
-        )
-        return [partial(free_end_form, problem), direct] if felt else [direct]
+        return _beside_a_free_end(problem) if isinstance(problem, Problem) else [direct]
     if seen is not None and (inner := _of_restated(seen.problem, seen, both_fixed=both_fixed)) is not None:
         return inner
     metric = homogeneous(problem) if seen is None else seen.metric
@@ -195,6 +190,13 @@ def _of_restated(problem: Problem, seen: Survey, *, both_fixed: bool) -> Makers 
     else:
         return None
     return [partial(_direct, problem) if maker.func is _direct else partial(own, maker) for maker in _makers(inner)]
+
+
+def _beside_a_free_end(problem: Problem) -> Makers:
+    """Forms of a graph with one free end, beside which L may be singular in x."""
+    direct = partial(_direct, problem)
+    felt = not any(problem.slides) and ca.depends_on(problem.integrand, problem.symbols.x)
+    return [partial(free_end_form, problem), direct] if felt else [direct]
 
 
 def _refuse_infinite(problem: Problem) -> None:
