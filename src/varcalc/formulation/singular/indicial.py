@@ -256,7 +256,8 @@ def powers_at_a_free_end(problem: Problem, at_start: bool) -> FreeEnd | None:
         return None
     bent = [step for step in beside.steps if step > A_FRACTION]
     if not beside.euler:
-        return FreeEnd(growth_of(min(bent, default=2.0), beside, held=True), None)
+        found = growth_of(min(bent, default=2.0), beside, held=True)
+        return None if found.abscissa == 1 and not found.layers else FreeEnd(found, None)  # whole powers
     if beside.exponent <= 0:
         return None
     return FreeEnd(growth_of(min([beside.exponent, *bent]), beside), 0.0)
