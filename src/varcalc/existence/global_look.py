@@ -143,7 +143,7 @@ def looked_around(solution: Solution, beside: Callable[[Solution], Polish], tol:
         one_mesh = isinstance(solution.method, Ritz) and not solution.method.refine
         way = polish if graph or (followed and not one_mesh) else None
         # where a lattice shows a valley that is narrower than its meshes it does not lead into it
-        lower = _in_narrow_valleys(best, seen, way)
+        lower = _at_other_places(best, beside, way, seen) or _in_narrow_valleys(best, seen, way)
         if lower is None or lower.local:
             lower = (_lower(best, seen, polish) if graph else _lower_in_directions(best, seen, way)) or lower
         if lower is None or lower.local:
@@ -182,6 +182,7 @@ class _LookedAt:
     together: bool = False
     bends: bool = False
     ends: bool = False
+    places: bool = False
     narrow: bool = False
     instead: str = ""
     levelled: bool = False
@@ -205,6 +206,7 @@ class _LookedAt:
         looked += " and in all directions at once," if self.together and not self.bends else ""
         looked += " and those in a box that keep a level," if self.levelled else ""
         looked += " and what all other ends cost," if self.ends else ""
+        looked += " and curves drawn to other places of the ends that slide," if self.places else ""
         looked += " and shifts into narrow valleys," if self.narrow else ""
         walled = self.walled and not self.bends
         looked += f"{'' if looked.endswith(',') else ','} as far as L is convex in the slope," if walled else ""
@@ -277,6 +279,32 @@ def _lowest(best: Solution, lattice: Lattice, valleys: list[Valley], most: int) 
 
     order = np.argsort(ranked(lattice.landscape, valleys), kind="stable")
     return [valleys[k] for k in order[:most].tolist()]
+
+
+def _at_other_places(
+    best: Solution, beside: Callable[[Solution], Polish], polish: Polish | None, seen: _LookedAt
+) -> Solution | None:
+    """A lower solution whose end slides elsewhere, or the known one marked for a lower curve; None for neither."""
+    problem = best.problem
+    if not any(problem.slides):
+        return None
+    from varcalc.existence.other_places import begun_at, looked_for, other_places  # few ends slide
+
+    seen.places = looked_for(best)
+    places = other_places(best)
+    seen.number += len(places)
+    marked: Solution | None = None
+    for place in places:
+        if polish is not None:
+            there = replace(best, problem=begun_at(problem, place), x=np.array(place.span))
+            found = beside(there)(EXACT, place.start)
+            if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
+                return replace(found, problem=problem)
+        if marked is None and _is_lower(problem.sign * place.value, best, 0.0, SURELY_LOWER):
+            tried = LED_NOWHERE if polish is not None else "was not followed: solve by Ritz()"
+            lower = f"a curve to another place of its {place.label} has the value {problem.sign * place.value:.6g}"
+            marked = _marked(best, f"{lower}, and {tried}")
+    return marked
 
 
 def _in_narrow_valleys(best: Solution, seen: _LookedAt, polish: Polish | None) -> Solution | None:

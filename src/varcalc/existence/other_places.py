@@ -7,7 +7,6 @@ Points at which what is minimised along it is least of all around are where othe
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -21,24 +20,25 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
 
-REACH = 4.0
-"""How far from the known end points of phi = 0 are looked for, in units of the known curve's extents."""
-PLACES_ON_GRID = 61
-"""Along each coordinate of the grid on which phi is told."""
-PIECES_DRAWN, POINTS_DRAWN = 12, 4
+REACHES = 0.25, 1.0, 4.0
+"""How far from the known end points of phi = 0 are looked for, in units of the curve's extents: on three grids."""
+PLACES_ON_GRID = 37
+"""Along each coordinate of a grid on which phi is told."""
+PIECES_DRAWN, POINTS_DRAWN = 8, 3
 """Pieces of the known curve, and Gauss points on each, by which a drawn curve is summed."""
-ONE_VALLEY = 0.3
-"""Distance of points, in units of the extents, within which one of them is the least."""
+ONE_VALLEY = 0.15
+"""Distance of points, in units of the grid's reach, within which one of them is the least."""
 WORTH_FOLLOWING = 0.5
 """How far above the known value, in units of what is summed, a drawn curve may be for a valley to be lower."""
 NEAREST_ABSCISSA = 1e-2
 """Of the interval: how near to the other end the abscissa of a sliding end is looked for."""
 MOST_PLACES = 3
 """Points of one end from which valleys are followed."""
+LABELS = "start", "end"
 
 
 @dataclass(frozen=True)
-class Place:
+class PlaceOfEnd:
     """A ``point`` of phi = 0, with the ``start`` of a curve to it and the ``value`` of what is minimised along that.
 
     ``end`` slides from there, at the side 0 or 1 of the interval, and ``span`` is the interval.
@@ -51,16 +51,28 @@ class Place:
     span: tuple[float, float]
     start: Sampled
 
+    @property
+    def label(self) -> str:
+        """What the end is called."""
+        return LABELS[self.side]
 
-def other_places(best: Solution) -> list[Place]:
-    """Where else the ends that slide may be best, the lowest first; none where that is not told from drawn curves.
+
+def looked_for(best: Solution) -> bool:
+    """Whether drawn curves tell where else an end may be best.
 
     Those of graphs of one function, and of curves of the plane, without levels and waypoints.
     """
     problem = best.problem
-    known = isinstance(problem, Problem) and problem.n == problem.order == 1
-    known = known or (isinstance(problem, Curve) and problem.n == 2)
-    if not known or best.curve is None or problem.unknowns or any(problem.of_type(Isoperimetric, Through)):
+    graph = isinstance(problem, Problem) and problem.n == problem.order == 1
+    curve = isinstance(problem, Curve) and problem.n == 2
+    asked = any(isinstance(c, Isoperimetric | Through) for c in problem.constraints)
+    return (graph or curve) and best.curve is not None and not (problem.unknowns or asked)
+
+
+def other_places(best: Solution) -> list[PlaceOfEnd]:
+    """Where else the ends that slide may be best, the lowest first; none where that is not :func:`looked_for`."""
+    problem = best.problem
+    if not looked_for(best):
         return []
     found = [place for side in (0, 1) if problem.slides[side] for place in _Drawn(best, side).places()]
     return sorted(found, key=lambda place: place.value)
@@ -74,7 +86,7 @@ class _Drawn:
         self.problem, self.side, self._curve = best.problem, side, best.curve
         self._graph = isinstance(best.problem, Problem)
         self._span = (float(best.x.min()), float(best.x.max())) if self._graph else best.problem.span
-        self._label = ("start", "end")[side]
+        self._label = LABELS[side]
         x, self._weights = composite_gauss(np.linspace(*self._span, PIECES_DRAWN + 1), POINTS_DRAWN)
         self._known, self._rates = self._along(x)
         share = (x - self._span[0]) / (self._span[1] - self._span[0])
@@ -82,6 +94,8 @@ class _Drawn:
         self._rate /= self._span[1] - self._span[0]
         self._ends = self._along(np.array(self._span))[0]
         extents = np.ptp(np.column_stack([self._known, self._ends]), axis=1)
+        if self._graph:  # a curve may have drawn all but to nothing
+            extents[0] = max(extents[0], np.ptp(best.problem.span))
         self._extents = np.where(extents > 0, extents, extents.max())
 
     def _along(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -91,35 +105,45 @@ class _Drawn:
             return points, rates
         return np.vstack([x, points]), np.vstack([np.ones_like(x), rates])
 
-    def places(self) -> Iterator[Place]:
+    def places(self) -> list[PlaceOfEnd]:
         """The points at which a drawn curve is lower than to all others nearby, and not much above the known one."""
-        points = self._points()
-        if not len(points):
-            return
-        at_known = self._ends[:, [self.side]].T
-        with np.errstate(all="ignore"):
-            values, summed = self._values(points)
-            (own,), (size,) = self._values(at_known)
-        scaled, known = points / self._extents, at_known[0] / self._extents
-        values = np.where(np.isfinite(values), values, np.inf)
-        apart = np.linalg.norm(scaled - known, axis=1) > ONE_VALLEY
-        low = np.flatnonzero(apart & (values < own + WORTH_FOLLOWING * size))
-        near = np.linalg.norm(scaled[low, None] - scaled[None], axis=2) <= ONE_VALLEY
-        least = low[values[low] <= np.where(near, values, np.inf).min(axis=1)] if len(low) else low
-        for k in least[np.argsort(values[least], kind="stable")][:MOST_PLACES].tolist():
-            yield self._place(points[k], float(values[k]))
-
-    def _points(self) -> np.ndarray:
-        """Points (k, 2) of phi = 0: on the grid's lines, straight between two places that it parts."""
-        kind, end = self.problem.symbols.kind, self._ends[:, self.side]
-        symbols = [kind.sym("x"), kind.sym("y")] if self._graph else [kind.sym("q", 2)]
-        phi = self._phi(symbols, kind)
+        phi = self._phi()
         if phi is None:
-            return np.zeros((0, 2))
-        low, high = (end + sign * REACH * self._extents for sign in (-1, 1))
+            return []
+        with np.errstate(all="ignore"):
+            found = [lowest for reach in REACHES for lowest in self._lowest(phi, reach)]
+        chosen: list[tuple[float, np.ndarray, float]] = []
+        for value, point, apart in sorted(found, key=lambda one: one[0]):
+            if all(np.linalg.norm((point - other) / self._extents) > min(apart, of) for _, other, of in chosen):
+                chosen.append((value, point, apart))
+        return [self._place(point, value) for value, point, _ in chosen[:MOST_PLACES]]
+
+    def _lowest(self, phi: ca.Function, reach: float) -> list[tuple[float, np.ndarray, float]]:
+        """Values and points of one grid that are the least nearby, and how near that is, in units of the extents."""
+        points, apart = self._points(phi, reach), ONE_VALLEY * reach
+        at_known = self._ends[:, [self.side]].T
+        if not len(points):
+            return []
+        values, _ = self._values(points)
+        (own,), (size,) = self._values(at_known)
+        values = np.where(np.isfinite(values), values, np.inf)
+        scaled = points / self._extents
+        elsewhere = np.linalg.norm(scaled - at_known[0] / self._extents, axis=1) > apart
+        low = np.flatnonzero(elsewhere & (values < own + WORTH_FOLLOWING * size))
+        near = np.linalg.norm(scaled[low, None] - scaled[None], axis=2) <= apart
+        least = low[values[low] <= np.where(near, values, np.inf).min(axis=1, initial=np.inf)]
+        return [(float(values[k]), points[k], apart) for k in least.tolist()]
+
+    def _points(self, phi: ca.Function, reach: float) -> np.ndarray:
+        """Points (k, 2) of phi = 0: on the grid's lines, straight between two places that it parts."""
+        end = self._ends[:, self.side]
+        low, high = (end + sign * reach * self._extents for sign in (-1, 1))
         if self._graph:  # the ends of the interval keep their order
             other, nearest = self._ends[0, 1 - self.side], NEAREST_ABSCISSA * self._extents[0]
-            low[0], high[0] = (max(low[0], other + nearest), high[0]) if self.side else (low[0], min(high[0], other - nearest))
+            if self.side:
+                low[0] = max(low[0], other + nearest)
+            else:
+                high[0] = min(high[0], other - nearest)
         axes = [np.linspace(a, b, PLACES_ON_GRID) for a, b in zip(low, high, strict=True)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"))
         levels = np.asarray(phi(grid.reshape(2, -1))).reshape(grid.shape[1:])
@@ -132,8 +156,10 @@ class _Drawn:
             found.append((a[:, parted] + share * (b - a)[:, parted]).T)
         return np.concatenate(found)
 
-    def _phi(self, symbols: list[ca.SX], kind: type) -> ca.Function | None:
+    def _phi(self) -> ca.Function | None:
         """Phi of points (2, m)."""
+        kind = self.problem.symbols.kind
+        symbols = [kind.sym("x"), kind.sym("y")] if self._graph else [kind.sym("q", 2)]
         x, y = symbols if self._graph else (kind.sym("t"), *symbols)
         level = self.problem.traced_slide(self._label, x, y, kind)
         if level is None:
@@ -171,7 +197,7 @@ class _Drawn:
         numbers = [np.tile(self.problem.parameter_values[:, None], len(points)), np.zeros((0, len(points)))]
         return self.problem.sign * np.asarray(cost(*handed, *numbers)).ravel()
 
-    def _place(self, point: np.ndarray, value: float) -> Place:
+    def _place(self, point: np.ndarray, value: float) -> PlaceOfEnd:
         """The point with what a solve that begins there needs."""
         own = getattr(self.problem, self._label)
         away = point - self._ends[:, self.side]
@@ -180,20 +206,23 @@ class _Drawn:
             assert isinstance(own, OnSurface)
 
             def drawn(t: np.ndarray) -> np.ndarray:
+                t = np.atleast_1d(t)
                 share = (t - first) / (last - first)
                 return self._curve(t, 0) + (share if self.side else 1 - share) * away[:, None]
 
-            return Place(point, value, self.side, OnSurface(own.phi, tuple(point.tolist())), self._span, drawn)
+            return PlaceOfEnd(point, value, self.side, own, self._span, drawn)
         assert isinstance(own, OnCurve)
         a, b = (first, float(point[0])) if self.side else (float(point[0]), last)
 
         def graph(x: np.ndarray) -> np.ndarray:
-            share = np.clip((x - a) / (b - a), 0.0, 1.0)
+            share = np.clip((np.atleast_1d(x) - a) / (b - a), 0.0, 1.0)
             return self._curve(first + share * (last - first), 0) + (share if self.side else 1 - share) * away[1]
 
-        return Place(point, value, self.side, OnCurve(own.phi, x=float(point[0])), (a, b), graph)
+        return PlaceOfEnd(point, value, self.side, OnCurve(own.phi, x=float(point[0])), (a, b), graph)
 
 
-def begun_at(problem: Functional, place: Place) -> Functional:
-    """The problem with the end that slides to begin at a place."""
+def begun_at(problem: Functional, place: PlaceOfEnd) -> Functional:
+    """The problem with the end that slides to begin at a place; a Curve begins where what it starts from does."""
+    if not isinstance(problem, Problem):
+        return problem
     return problem.restated(start=place.end) if place.side == 0 else problem.restated(end=place.end)

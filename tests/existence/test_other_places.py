@@ -1,0 +1,56 @@
+"""Ends that slide where phi = 0 comes near in several places: the nearest is found, from wherever a solve begins."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import varcalc as vc
+
+
+def two_bays(x, exp):
+    """A shore with bays at 2 and 5."""
+    return 3 - 2 * exp(-4 * (x - 2) ** 2) - 2.4 * exp(-4 * (x - 5) ** 2)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("begun", [4.0, 5.0])
+def test_the_nearer_of_two_bays_is_found_from_the_other(begun, mirrored):
+    """v^2/2 + 1/2 costs y^2/(2 x) + x/2 on the straight way to (x, y)."""
+    sign = -1 if mirrored else 1
+    shore = vc.OnCurve(lambda x, y: y - two_bays(sign * x, ca.exp), x=sign * begun)
+    ends = (shore, vc.Fixed(0, 0)) if mirrored else (vc.Fixed(0, 0), shore)
+    solution = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + 0.5, *ends))
+    x = np.linspace(1e-3, 8, 800_001)
+    assert solution.value == pytest.approx((two_bays(x, np.exp) ** 2 / (2 * x) + x / 2).min(), abs=1e-9)
+    assert "other places of the ends that slide" in solution.searched
+
+
+def star(q, centre, lobes):
+    """Negative within a wavy circle of radius about 1."""
+    angle = ca.atan2(q[1], q[0] - centre)
+    return (q[0] - centre) ** 2 + q[1] ** 2 - (1 + 0.3 * ca.cos(lobes * angle)) ** 2
+
+
+def rim(centre, lobes):
+    angle = np.linspace(0, 2 * np.pi, 2001)
+    radius = 1 + 0.3 * np.cos(lobes * angle)
+    return np.stack([centre + radius * np.cos(angle), radius * np.sin(angle)])
+
+
+@pytest.mark.parametrize("begun", [(4.0, 0.1), (3.1, 0.9), (3.0, -1.0)])
+def test_the_shortest_way_between_two_islands_leaves_from_the_sides_that_face_each_other(begun):
+    shortest = vc.Curve(
+        lambda q, dq: ca.norm_2(dq),
+        vc.OnSurface(lambda q: star(q, -3.0, 3), (-begun[0], begun[1])),
+        vc.OnSurface(lambda q: star(q, 3.0, 4), begun),
+    )
+    away = rim(3.0, 4)[:, :, None] - rim(-3.0, 3)[:, None, :]
+    assert vc.solve(shortest).value == pytest.approx(np.hypot(*away).min(), abs=1e-5)
+
+
+def test_a_method_that_follows_no_valley_tells_of_the_other_place():
+    shore = vc.OnCurve(lambda x, y: y - two_bays(x, ca.exp), x=5.0)
+    solution = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + 0.5, vc.Fixed(0, 0), shore), vc.Collocation())
+    x = np.linspace(1e-3, 8, 800_001)
+    least = (two_bays(x, np.exp) ** 2 / (2 * x) + x / 2).min()
+    assert solution.local or solution.value == pytest.approx(least, abs=1e-8)
