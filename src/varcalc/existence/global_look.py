@@ -288,7 +288,7 @@ def _at_other_places(
     problem = best.problem
     if not any(problem.slides):
         return None
-    from varcalc.existence.other_places import begun_at, looked_for, other_places  # few ends slide
+    from varcalc.existence.other_places import begun_at, drawn_within_bounds, looked_for, other_places  # few ends slide
 
     seen.places = looked_for(best)
     places = other_places(best)
@@ -300,10 +300,11 @@ def _at_other_places(
             found = beside(there)(EXACT, place.start)
             if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
                 return replace(found, problem=problem)
-        if marked is None and _is_lower(problem.sign * place.value, best, 0.0, SURELY_LOWER):
+        lower = _is_lower(problem.sign * place.value, best, 0.0, SURELY_LOWER)
+        if marked is None and lower and drawn_within_bounds(problem, place):
             tried = LED_NOWHERE if polish is not None else "was not followed: solve by Ritz()"
-            lower = f"a curve to another place of its {place.label} has the value {problem.sign * place.value:.6g}"
-            marked = _marked(best, f"{lower}, and {tried}")
+            curve = f"a curve to another place of its {place.label} has the value {problem.sign * place.value:.6g}"
+            marked = _marked(best, f"{curve}, and {tried}")
     return marked
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from varcalc.existence.directions import end_cost
 from varcalc.formulation import Sampled
 from varcalc.numerics.mesh import composite_gauss
-from varcalc.problem.conditions import AnyEnd, Isoperimetric, OnCurve, OnSurface, Through
+from varcalc.problem.conditions import AnyEnd, Bound, Isoperimetric, OnCurve, OnSurface, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
@@ -32,6 +32,8 @@ WORTH_FOLLOWING = 0.5
 """How far above the known value, in units of what is summed, a drawn curve may be for a valley to be lower."""
 NEAREST_ABSCISSA = 1e-2
 """Of the interval: how near to the other end the abscissa of a sliding end is looked for."""
+PLACES_HELD_TO_BOUNDS = 257
+"""Of a drawn curve."""
 MOST_PLACES = 3
 """Points of one end from which valleys are followed."""
 LABELS = "start", "end"
@@ -226,3 +228,19 @@ def begun_at(problem: Functional, place: PlaceOfEnd) -> Functional:
     if not isinstance(problem, Problem):
         return problem
     return problem.restated(start=place.end) if place.side == 0 else problem.restated(end=place.end)
+
+
+def drawn_within_bounds(problem: Functional, place: PlaceOfEnd) -> bool:
+    """Whether the curve drawn to a place keeps the bounds of a graph at the points at which it is looked at."""
+    held = [(t.constraint.interval, t.expression) for t in problem.traced if isinstance(t.constraint, Bound)]
+    if not held:
+        return True
+    if not isinstance(problem, Problem):
+        return False
+    x = np.linspace(*place.span, PLACES_HELD_TO_BOUNDS)
+    y, middle, s = place.start(x), 0.5 * (x[1:] + x[:-1]), problem.symbols
+    levels = ca.Function("levels", [s.x, s.y, s.dy, s.parameters], [ca.vertcat(*(level for _, level in held))])
+    numbers = np.tile(problem.parameter_values[:, None], len(middle))
+    values = np.asarray(levels(middle[None], 0.5 * (y[:, 1:] + y[:, :-1]), np.diff(y) / np.diff(x), numbers))
+    low, high = np.array([interval for interval, _ in held]).T[:, :, None]
+    return bool(np.all((values >= low) & (values <= high)))
