@@ -41,6 +41,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 FURTHER_MEMBERS = Path(__file__).parent / "further_members.txt"
 """Names tests with parameters that take a second or more, each with another one of the same function beside it."""
+COLLECTED = pytest.StashKey[set[str]]()
+"""The names of all tests of the files that were collected."""
+
+
+def further_members() -> set[str]:
+    """The names of tests that are left to ``--everything``."""
+    return set(FURTHER_MEMBERS.read_text(encoding="utf-8").splitlines())
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -49,25 +56,22 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     Further members of a class are left out where nobody asks for them by name or for everything.
     """
     items.sort(key=lambda item: item.get_closest_marker("longest") is None)
+    config.stash[COLLECTED] = {item.nodeid for item in items}
     if config.getoption("--everything") or any("::" in argument for argument in config.args):
         return
-    further = set(FURTHER_MEMBERS.read_text(encoding="utf-8").splitlines())
+    further = further_members()
     left_out = [item for item in items if item.nodeid in further]
-    _hold_to_classes(further, items)
     if left_out:
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item.nodeid not in further]
 
 
-def _hold_to_classes(further: set[str], items: list[pytest.Item]) -> None:
-    """Refuse names of what is not there, and those that leave no member of a function to stand for the others."""
-    names = {item.nodeid for item in items}
-    files = {name.split("::")[0] for name in names}
-    missing = sorted(name for name in further - names if name.split("::")[0] in files)
-    kept = {name.split("[")[0] for name in names - further}
-    bare = sorted({name.split("[")[0] for name in further & names} - kept)
-    if missing or bare:
-        raise pytest.UsageError(f"{FURTHER_MEMBERS.name} names no tests: {missing}, or all of a function: {bare}")
+@pytest.fixture
+def left_to_everything(request: pytest.FixtureRequest) -> tuple[set[str], set[str]]:
+    """The names of tests that are left out, of files that were collected, and of all tests of these."""
+    collected = request.config.stash[COLLECTED]
+    files = {name.split("::")[0] for name in collected}
+    return {name for name in further_members() if name.split("::")[0] in files}, collected
 
 
 def pytest_collection_finish() -> None:

@@ -22,12 +22,12 @@ from varcalc.solution import Solution
 
 REACHES = 0.25, 1.0, 4.0
 """How far from the known end points of phi = 0 are looked for, in units of the curve's extents: on three grids."""
-PLACES_ON_GRID = 37
-"""Along each coordinate of a grid on which phi is told."""
+PLACES_ON_GRID = {2: 37, 3: 13}
+"""Along each coordinate of a grid on which phi is told, by the number of coordinates."""
 PIECES_DRAWN, POINTS_DRAWN = 8, 3
 """Pieces of the known curve, and Gauss points on each, by which a drawn curve is summed."""
-ONE_VALLEY = 0.15
-"""Distance of points, in units of the grid's reach, within which one of them is the least."""
+ONE_VALLEY = 2.7
+"""Distance of points, in steps of the grid, within which one of them is the least."""
 WORTH_FOLLOWING = 0.5
 """How far above the known value, in units of what is summed, a drawn curve may be for a valley to be lower."""
 NEAREST_ABSCISSA = 1e-2
@@ -62,13 +62,13 @@ class PlaceOfEnd:
 def looked_for(best: Solution) -> bool:
     """Whether drawn curves tell where else an end may be best.
 
-    Those of graphs of one function, and of curves of the plane, without levels and waypoints.
+    Those of graphs of one function or two, and of curves of the plane or of space, without levels and waypoints.
     """
     problem = best.problem
-    graph = isinstance(problem, Problem) and problem.n == problem.order == 1
-    curve = isinstance(problem, Curve) and problem.n == 2
+    coordinates = problem.n + isinstance(problem, Problem)
     asked = any(isinstance(c, Isoperimetric | Through) for c in problem.constraints)
-    return (graph or curve) and best.curve is not None and not (problem.unknowns or asked)
+    known = problem.order == 1 and coordinates in PLACES_ON_GRID and not (problem.unknowns or asked)
+    return known and best.curve is not None
 
 
 def other_places(best: Solution) -> list[PlaceOfEnd]:
@@ -95,13 +95,14 @@ class _Drawn:
         self._share, self._rate = (share, 1.0) if side else (1 - share, -1.0)
         self._rate /= self._span[1] - self._span[0]
         self._ends = self._along(np.array(self._span))[0]
+        self._places = PLACES_ON_GRID[len(self._ends)]
         extents = np.ptp(np.column_stack([self._known, self._ends]), axis=1)
         if self._graph:  # a curve may have drawn all but to nothing
             extents[0] = max(extents[0], np.ptp(best.problem.span))
         self._extents = np.where(extents > 0, extents, extents.max())
 
     def _along(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The known curve as one of the plane, (2, m), and its rates by its parameter."""
+        """The known curve by all its coordinates, (d, m), and its rates by its parameter."""
         points, rates = self._curve(x, 0), self._curve(x, 1)
         if not self._graph:
             return points, rates
@@ -122,22 +123,23 @@ class _Drawn:
 
     def _lowest(self, phi: ca.Function, reach: float) -> list[tuple[float, np.ndarray, float]]:
         """Values and points of one grid that are the least nearby, and how near that is, in units of the extents."""
-        points, apart = self._points(phi, reach), ONE_VALLEY * reach
+        points, apart = self._points(phi, reach), ONE_VALLEY * 2 * reach / (self._places - 1)
         at_known = self._ends[:, [self.side]].T
         if not len(points):
             return []
         values, _ = self._values(points)
         (own,), (size,) = self._values(at_known)
         values = np.where(np.isfinite(values), values, np.inf)
-        scaled = points / self._extents
-        elsewhere = np.linalg.norm(scaled - at_known[0] / self._extents, axis=1) > apart
+        scaled = (points - at_known[0]) / self._extents
+        away = (scaled**2).sum(axis=1)
+        elsewhere = away > apart**2
         low = np.flatnonzero(elsewhere & (values < own + WORTH_FOLLOWING * size))
-        near = np.linalg.norm(scaled[low, None] - scaled[None], axis=2) <= apart
+        near = away[low, None] + away - 2 * scaled[low] @ scaled.T <= apart**2
         least = low[values[low] <= np.where(near, values, np.inf).min(axis=1, initial=np.inf)]
         return [(float(values[k]), points[k], apart) for k in least.tolist()]
 
     def _points(self, phi: ca.Function, reach: float) -> np.ndarray:
-        """Points (k, 2) of phi = 0: on the grid's lines, straight between two places that it parts."""
+        """Points (k, d) of phi = 0: on the grid's lines, straight between two places that it parts."""
         end = self._ends[:, self.side]
         low, high = (end + sign * reach * self._extents for sign in (-1, 1))
         if self._graph:  # the ends of the interval keep their order
@@ -146,22 +148,22 @@ class _Drawn:
                 low[0] = max(low[0], other + nearest)
             else:
                 high[0] = min(high[0], other - nearest)
-        axes = [np.linspace(a, b, PLACES_ON_GRID) for a, b in zip(low, high, strict=True)]
+        axes = [np.linspace(a, b, self._places) for a, b in zip(low, high, strict=True)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"))
-        levels = np.asarray(phi(grid.reshape(2, -1))).reshape(grid.shape[1:])
+        levels = np.asarray(phi(grid.reshape(len(axes), -1))).reshape(grid.shape[1:])
         found = []
-        for axis in (0, 1):
-            before, after = (np.take(levels, range(k, PLACES_ON_GRID - 1 + k), axis) for k in (0, 1))
-            a, b = (np.take(grid, range(k, PLACES_ON_GRID - 1 + k), axis + 1) for k in (0, 1))
+        for axis in range(len(axes)):
+            before, after = (np.take(levels, range(k, self._places - 1 + k), axis) for k in (0, 1))
+            a, b = (np.take(grid, range(k, self._places - 1 + k), axis + 1) for k in (0, 1))
             parted = before * after <= 0
             share = before[parted] / np.where(before == after, 1.0, before - after)[parted]
             found.append((a[:, parted] + share * (b - a)[:, parted]).T)
         return np.concatenate(found)
 
     def _phi(self) -> ca.Function | None:
-        """Phi of points (2, m)."""
-        kind = self.problem.symbols.kind
-        symbols = [kind.sym("x"), kind.sym("y")] if self._graph else [kind.sym("q", 2)]
+        """Phi of points (d, m)."""
+        kind, n = self.problem.symbols.kind, self.problem.n
+        symbols = [kind.sym("x"), kind.sym("y", n)] if self._graph else [kind.sym("q", n)]
         x, y = symbols if self._graph else (kind.sym("t"), *symbols)
         level = self.problem.traced_slide(self._label, x, y, kind)
         if level is None:
@@ -169,15 +171,15 @@ class _Drawn:
         return ca.Function("phi", [ca.vertcat(*symbols)], [ca.densify(level)])
 
     def _values(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What is minimised along the curves drawn to ``points`` (k, 2), and the same of its absolute value; (k,)."""
+        """What is minimised along the curves drawn to ``points`` (k, d), and the same of its absolute value; (k,)."""
         away = (points - self._ends[:, self.side])[:, :, None]
         places = self._known + self._share * away
         rates = self._rates + self._rate * away
-        columns = [a.transpose(1, 0, 2).reshape(2, -1) for a in (places, rates)]
+        columns = [a.transpose(1, 0, 2).reshape(a.shape[1], -1) for a in (places, rates)]
         problem = self.problem
         if isinstance(problem, Problem):
-            (x, y), (dx, dy) = columns
-            along = problem.integrand_values(x, y[None], (dy / dx)[None]) * dx
+            (x, *y), (dx, *dy) = columns
+            along = problem.integrand_values(x, np.array(y), np.array(dy) / dx) * dx
         else:
             assert isinstance(problem, Curve)
             along = problem.integrand_values(*columns)
@@ -189,10 +191,10 @@ class _Drawn:
         cost = end_cost(self.problem)
         if cost is None:
             return np.zeros(len(points))
-        ends = [np.broadcast_to(self._ends[:, [k]], (2, len(points))) for k in (0, 1)]
+        ends = [np.broadcast_to(self._ends[:, [k]], points.T.shape) for k in (0, 1)]
         ends[self.side] = points.T
         if self._graph:
-            handed = [row for end in ends for row in (end[[0]], end[[1]])]
+            handed = [part for end in ends for part in (end[:1], end[1:])]
         else:
             times = (np.full((1, len(points)), t) for t in self._span)
             handed = [part for pair in zip(times, ends, strict=True) for part in pair]
@@ -218,7 +220,7 @@ class _Drawn:
 
         def graph(x: np.ndarray) -> np.ndarray:
             share = np.clip((np.atleast_1d(x) - a) / (b - a), 0.0, 1.0)
-            return self._curve(first + share * (last - first), 0) + (share if self.side else 1 - share) * away[1]
+            return self._curve(first + share * (last - first), 0) + (share if self.side else 1 - share) * away[1:, None]
 
         return PlaceOfEnd(point, value, self.side, OnCurve(own.phi, x=float(point[0])), (a, b), graph)
 
