@@ -15,7 +15,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Sampled
+from varcalc.formulation import Sampled, formulate
+from varcalc.formulation.height import breadth
 from varcalc.methods.crossings import beside_jumps
 from varcalc.problem.conditions import Bound, Isoperimetric, Through
 from varcalc.problem.functional import Functional
@@ -88,12 +89,17 @@ class Departures:
         found = np.where(extents > 0, extents, np.abs(self._rows).max(axis=1))
         if isinstance(self.problem, Curve):
             return np.full(self.problem.n, found.max() or 1.0)
-        return np.where(found > 0, found, self.span[1] - self.span[0])
+        return np.where(found > 0, found, self.breadth)
+
+    @property
+    def breadth(self) -> float:
+        """How broad the landscape of a graph is; none for a Curve, which has a size of its own."""
+        return 0.0 if isinstance(self.problem, Curve) else breadth(formulate(self.problem))
 
     @property
     def units(self) -> np.ndarray:
-        """The larger (n,) of their sizes and the interval, but for a Curve."""
-        return self.sizes if isinstance(self.problem, Curve) else np.maximum(self.sizes, self.span[1] - self.span[0])
+        """The larger (n,) of their sizes and how broad the landscape is."""
+        return np.maximum(self.sizes, self.breadth)
 
     def free(self, side: int) -> list[int]:
         """The functions that are free at the start (0) or the end (1), by their numbers."""
@@ -311,9 +317,8 @@ def from_polygon(solution: Solution, pieces: int) -> AlongDirection:
 def along_directions(departures: Departures) -> Iterator[AlongDirection]:
     """The directions of departures that are looked at."""
     axes = departures.axes * departures.sizes
-    width = 0.0 if isinstance(departures.problem, Curve) else departures.span[1] - departures.span[0]
     for shares in _shares(len(axes)):
-        yield AlongDirection(departures, axes, shares, width)
+        yield AlongDirection(departures, axes, shares, departures.breadth)
 
 
 def _shares(count: int) -> np.ndarray:

@@ -20,7 +20,8 @@ from typing import Protocol
 import numpy as np
 
 from varcalc.existence.falling import Fall, falls_along
-from varcalc.formulation import Sampled
+from varcalc.formulation import Sampled, formulate
+from varcalc.formulation.height import breadth
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.problem import Problem
@@ -164,8 +165,8 @@ class Graphs:
         return np.zeros(np.shape(y))
 
     def extent(self, y: np.ndarray) -> float:
-        """The larger of the curve's extent and its interval."""
-        return max(float(np.ptp(y)), self.span[1] - self.span[0])
+        """The larger of the curve's extent and how broad the landscape is, in whatever units it is written."""
+        return max(float(np.ptp(y)), breadth(formulate(self.problem)))
 
     def beside_jumps(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
         """Ordinates (m,) just beside those at which L jumps."""

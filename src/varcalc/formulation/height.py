@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
@@ -33,6 +34,9 @@ KEPT_FORMS = 16
 WITHIN = 100.0
 """Ratio of the ends' distance and the height that the functional feels, either way, to which one unit serves both."""
 
+NARROW = 8.0
+"""How many times higher the functional may feel than the ends are apart, for one unit to show all of its landscape."""
+
 
 @lru_cache(maxsize=KEPT_FORMS)
 def height(form: Form) -> float:
@@ -46,10 +50,24 @@ def height(form: Form) -> float:
     felt = _felt(form, extent)
     if felt is None:
         return extent
-    low, high = felt
-    if extent > WITHIN * high:
-        return high
-    return low if WITHIN * extent < low else extent
+    if extent > WITHIN * felt.high:
+        return felt.high
+    return felt.low if WITHIN * extent < felt.low else extent
+
+
+@lru_cache(maxsize=KEPT_FORMS)
+def breadth(form: Form) -> float:
+    """How broad the landscape of a functional is: the extent of the baseline, or of the interval, as :func:`height`.
+
+    Where that is far less than the heights that the functional feels, or far more, it is the highest of these. Where an
+    integral ends to be a number it has grown ever faster all along, and there is no height at which that is over.
+    """
+    extent = _extent(form)
+    felt = _felt(form, extent)
+    if felt is None:
+        return extent
+    low = extent if felt.ends else felt.high / NARROW
+    return felt.high if not low <= extent <= WITHIN * felt.high else extent
 
 
 def far_out(form: Form, size: float) -> bool:
@@ -77,8 +95,17 @@ def _extent(form: Form) -> float:
     return scale if unlike and spread > 0.0 else max(scale, form.problem.span[1] - form.problem.span[0])
 
 
-def _felt(form: Form, extent: float) -> tuple[float, float] | None:
-    """The heights between which integrals change the power with which they grow; None where each is one throughout."""
+@dataclass(frozen=True)
+class _Felt:
+    """Heights between which integrals change the power with which they grow, and whether one ends to be a number."""
+
+    low: float
+    high: float
+    ends: bool
+
+
+def _felt(form: Form, extent: float) -> _Felt | None:
+    """The heights at which integrals change the power with which they grow; None where each is one throughout."""
     nodes, weights = gauss(POINTS)
     a, b = form.span
     s, half = 0.5 * (a + b) + 0.5 * (b - a) * nodes, 0.5 * (b - a)
@@ -86,7 +113,7 @@ def _felt(form: Form, extent: float) -> tuple[float, float] | None:
     line, rise = form.start.curve(s), (form.start.curve(s + step) - form.start.curve(s - step)) / (2 * step)
     heights = extent * 2.0 ** DOUBLINGS[:, None]
     signed = np.concatenate([np.zeros((1, 1)), heights, -heights])
-    found: list[int] = []
+    found, ends = list[int](), False
     for direction in form.start.bumps:
         y = line.T + (signed * arch)[:, :, None] * direction
         dy = rise.T + (signed * slope)[:, :, None] * direction
@@ -96,7 +123,8 @@ def _felt(form: Form, extent: float) -> tuple[float, float] | None:
             for side in (slice(1, len(heights) + 1), slice(len(heights) + 1, None)):
                 noise = BEND_SEEN * (summed[side] + np.nan_to_num(summed[0], posinf=0.0))
                 found += _turns(row[side], float(row[0]), noise)
-    return (float(heights[min(found), 0]), float(heights[max(found), 0])) if found else None
+                ends = ends or not np.isfinite(row[side]).all()
+    return _Felt(float(heights[min(found), 0]), float(heights[max(found), 0]), ends) if found else None
 
 
 def _turns(grown: np.ndarray, flat: float, noise: np.ndarray) -> list[int]:
