@@ -713,7 +713,8 @@ def _beyond_doubt(solution: Solution, form: Form, candidates: Forms) -> Solution
         found = oscillation(solution)
         if found is not None:
             return refused(solution, found)
-    if not candidates.singular or (better := outdone(solution)) is None:
+    # below the minimum of a convex functional there is no curve, and what seems lower is summed wrongly
+    if not candidates.singular or proved_jointly_convex(solution.problem) or (better := outdone(solution)) is None:
         return solution
     return refused(solution, better.finding(solution.value))
 
