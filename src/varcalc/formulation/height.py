@@ -34,7 +34,7 @@ KEPT_FORMS = 16
 WITHIN = 100.0
 """Ratio of the ends' distance and the height that the functional feels, either way, to which one unit serves both."""
 
-NARROW = 8.0
+MUCH_HIGHER = 8.0
 """How many times higher the functional may feel than the ends are apart, for one unit to show all of its landscape."""
 
 
@@ -66,7 +66,7 @@ def breadth(form: Form) -> float:
     felt = _felt(form, extent)
     if felt is None:
         return extent
-    low = extent if felt.ends else felt.high / NARROW
+    low = extent if felt.ends else felt.high / MUCH_HIGHER
     return felt.high if not low <= extent <= WITHIN * felt.high else extent
 
 

@@ -27,6 +27,8 @@ MOST_UNKNOWNS = 6000
 MOST_ON_THE_WAY = 1000
 """The same for the stations of a continuation: where one needs more, the path leads to no extremal."""
 MOST_MESHES = 60
+CLOSED_TO = 1e-10
+"""How nearly a periodic curve comes back to its start, in units of its ordinates, at any tolerance of the value."""
 PATIENT_REFINEMENTS = 2
 """Refinements after which a curve that does not settle, though the value does, is given up."""
 SLOW = 0.8
@@ -131,7 +133,7 @@ class Refinement:
         stalls = adrift = 0
         for root, assessment in self.levels(level, partial(_pays, history, tol), MOST_MESHES, most):
             error, target = assessment.value_error, tol * max(1.0, abs(assessment.value))
-            met = assessment.trusted and (error <= target or not self.adaptive)
+            met = assessment.trusted and ((error <= target and not _open(root)) or not self.adaptive)
             if met and not (self.adaptive and self._astray(root, assessment, tol)):
                 return Improved(root, assessment, Status.SOLVED)
             adrift = adrift + 1 if met else 0
@@ -201,6 +203,17 @@ class Refinement:
             else:
                 level, reached, stride = trial, following, 1.5 * stride
         return level if reached == 1.0 else None
+
+
+def _open(level: Root) -> bool:
+    """Whether a periodic curve misses its start: where it may be shifted as a whole its momenta alone are closed."""
+    system = level.system
+    closed = system.form.ends.periodic
+    if not closed:
+        return False
+    ends = system.space.evaluate(level.state.coefficients, np.array(system.form.span))[:closed]
+    ordinates = system.space.at_quadrature(level.state.coefficients, system.space.degree, 0)[0]
+    return bool(np.abs(ends[:, 1] - ends[:, 0]).max() > CLOSED_TO * np.abs(ordinates).max())
 
 
 def _pace(assessment: Assessment) -> float:

@@ -88,6 +88,9 @@ MOST_UNKNOWNS, MOST_AN_ELEMENT = 4000, 24
 """Unknowns with which a solve is given up that needs more: in all, or an element of the mesh that it was given."""
 MOST_WORTH_WHILE, WORTH_WHILE = 100_000, 0.3
 """The same while every refinement leaves no more than this share of the error."""
+DRIFTING, STILL_SHIFTED = 4, 0.9
+"""Steps in which the ends of contacts that are found shift less and less, and what is left of a shift after as many
+where they only drift."""
 STEPS_TO_ENDS, ON_KNOWN_MESH = 12, 16
 """Times that the ends of stretches on which the slope is at a bound are moved, and the degree on a mesh that is known.
 """
@@ -243,7 +246,7 @@ class Ritz(Brief):
         They are guesses, as the ``curve`` is, and may vanish. ``stated`` is the form with them, whose pathwise
         conditions say what they are with, or None for those that it does not know: they are where this ends.
         """
-        apart, vertices, contacts = math.inf, list[float](), list(contacts)
+        apart, shifts, vertices, contacts = math.inf, list[float](), list[float](), list(contacts)
         guess: Sampled = partial(_ordinates, curve)
         shifted, known = Shifted(), None
         for _ in range(STEPS_TO_ENDS):
@@ -269,6 +272,9 @@ class Ritz(Brief):
             apart = shift(form, contacts, following)
             if nearly == tol and (apart <= FOUND or not contacts):
                 return solution, contacts
+            shifts.append(apart)
+            if len(shifts) > DRIFTING and apart > STILL_SHIFTED * shifts[-1 - DRIFTING]:
+                return None
             vertices = kept_vertices(contacts, following, solution)
             following = shifted.mixed(contacts, following)
             known = solution, following
