@@ -23,6 +23,8 @@ POWER_CHANGED = 0.4
 """Change of the power of the height with which an integral grows, by which it has left its first one."""
 BEND_SEEN = 1e-9
 """Part of what is summed that a bend has to change before the growth of the sum is more than rounding."""
+ADDED_SEEN = 1e-12
+"""Part of the ordinates that a bend has to add to them, for as many digits of it to be left as its growth needs."""
 FLAT = 1e-9
 """Height, in units of what the functional feels, that is none."""
 FAR_OUT = 1e6
@@ -113,6 +115,8 @@ def _felt(form: Form, extent: float) -> _Felt | None:
     line, rise = form.start.curve(s), (form.start.curve(s + step) - form.start.curve(s - step)) / (2 * step)
     heights = extent * 2.0 ** DOUBLINGS[:, None]
     signed = np.concatenate([np.zeros((1, 1)), heights, -heights])
+    # what is added to ordinates that are so much larger is rounded
+    unseen = np.where(heights[:, 0] > ADDED_SEEN * np.abs(line).max(), 0.0, np.inf)
     found, ends = list[int](), False
     for direction in form.start.bumps:
         y = line.T + (signed * arch)[:, :, None] * direction
@@ -121,7 +125,7 @@ def _felt(form: Form, extent: float) -> _Felt | None:
         integrals, sums = (np.einsum("q,aqi->ia", weights, v) for v in (values, np.abs(values)))
         for row, summed in zip(integrals, sums, strict=True):
             for side in (slice(1, len(heights) + 1), slice(len(heights) + 1, None)):
-                noise = BEND_SEEN * (summed[side] + np.nan_to_num(summed[0], posinf=0.0))
+                noise = BEND_SEEN * (summed[side] + np.nan_to_num(summed[0], posinf=0.0)) + unseen
                 found += _turns(row[side], float(row[0]), noise)
                 ends = ends or not np.isfinite(row[side]).all()
     return _Felt(float(heights[min(found), 0]), float(heights[max(found), 0]), ends) if found else None

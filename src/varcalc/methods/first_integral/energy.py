@@ -50,7 +50,7 @@ class AnchorFunctions:
 class EnergyLines(Lines[AnchorFunctions]):
     """Slopes and integrals of the extremals of a Lagrangian without x: y runs; slopes are given by their logarithms."""
 
-    running = 1
+    running, most_panels = 1, 1_600
 
     def _build(self, end: float | None) -> AnchorFunctions:
         y = self.integrands.problem.symbols.y

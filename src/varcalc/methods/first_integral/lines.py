@@ -86,6 +86,8 @@ class Lines(ABC, Generic[F]):
 
     running: ClassVar[int]
     """The variable that runs along a leg: 0 for x, 1 for y."""
+    most_panels: ClassVar[int]
+    """Panels of all legs of a curve, after which no more are made: some nine hold a turn of what oscillates."""
 
     def __init__(self, integrands: ReducedIntegrands, orientation: float, inside: float) -> None:
         self.integrands = integrands

@@ -44,7 +44,7 @@ class Momentum(Lines[tuple[Columns, Columns]]):
     The functions are of (anchor, delta, c, s, lambda): the momentum and its derivative by asinh v; the integrands.
     """
 
-    running = 0
+    running, most_panels = 0, 16_000
 
     def _build(self, end: float | None) -> tuple[Columns, Columns]:
         x = self.integrands.problem.symbols.x

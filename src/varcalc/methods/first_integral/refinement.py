@@ -14,8 +14,6 @@ from varcalc.numerics.roots import EPSILON
 
 MOST_REFINEMENTS, LOOKS = 14, 60
 """Bisections that lower an error, and with which what is narrow is looked for: the narrowest that is a number."""
-MOST_CURVE_PANELS = 16_000
-"""Panels of all legs of a curve: some nine hold a turn of what oscillates."""
 WORTHWHILE = 0.8
 """A round that leaves more than this share of the error counts as stale: what is left is noise."""
 SMALLEST_FIRST = 2e-3
@@ -115,9 +113,10 @@ def _bisected(joined: Joined) -> Joined:
         stale = stale + 1 if total > WORTHWHILE * least else 0
         if total < least:
             best, least = joined, total
-        if sum(p.count for p in panels) > MOST_CURVE_PANELS and least > TELLS_NOTHING:
+        too_many = sum(p.count for p in panels) > joined.family.lines.most_panels
+        if too_many and least > TELLS_NOTHING:
             return given
-        if not any(m.any() for m in marks) or stale > 1 or sum(p.count for p in panels) > MOST_CURVE_PANELS:
+        if not any(m.any() for m in marks) or stale > 1 or too_many:
             break
         joined = _ruled(joined, [_improved(p, m) for p, m in zip(panels, marks, strict=True)])
         if not np.isfinite(joined.measured.x[0]):
@@ -135,7 +134,7 @@ def _seeing(joined: Joined) -> Joined | None:
         if not any(m.any() for m in marks) or not np.isfinite(joined.measured.x[0]):
             break
         panels = [p.split(m) if m.any() else p for p, m in zip(_panels(joined), marks, strict=True)]
-        if sum(p.count for p in panels) > MOST_CURVE_PANELS:
+        if sum(p.count for p in panels) > joined.family.lines.most_panels:
             return None
         joined = _ruled(joined, panels)
     return joined
