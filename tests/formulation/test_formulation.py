@@ -233,7 +233,7 @@ def test_vertices_within_round_off_of_others_or_of_an_end_are_left_out():
 def test_bends_that_ordinates_round_off_are_not_felt():
     """About 3/4 a parabola of second degree grows with one power, though what is added there below 1e-15 is rounded."""
     problem = vc.Problem(
-        lambda x, y, v: v**2 / 4 + 2.3 * ca.cos(2 * x + 3) * (y - 0.75) ** 2, vc.Fixed(0, 0.75), vc.Fixed(math.pi, 0.75),
+        lambda x, y, v: v**2 / 4 + 2 * ca.cos(2 * x + 3) * (y - 0.75) ** 2, vc.Fixed(0, 0.75), vc.Fixed(math.pi, 0.75),
         [vc.Isoperimetric(lambda x, y, v: (y - 0.75) ** 2, 0.5)],
     )  # fmt: skip
     assert height(formulate(problem)) == math.pi
