@@ -36,6 +36,8 @@ KEPT_FORMS = 16
 WITHIN = 100.0
 """Ratio of the ends' distance and the height that the functional feels, either way, to which one unit serves both."""
 
+FEW_HEIGHTS = 1e4
+"""Ratio of the heights between which an integral changes its power, of one landscape."""
 MUCH_HIGHER = 8.0
 """How many times higher the functional may feel than the ends are apart, for one unit to show all of its landscape."""
 
@@ -61,15 +63,19 @@ def height(form: Form) -> float:
 def breadth(form: Form) -> float:
     """How broad the landscape of a functional is: the extent of the baseline, or of the interval, as :func:`height`.
 
-    Where that is far less than the heights that the functional feels, or far more, it is the highest of these. Where an
-    integral ends to be a number it has grown ever faster all along, and there is no height at which that is over.
+    Where that is far less than the heights that the functional feels it is the highest of these, and where it is far
+    more, as much more as one lattice shows. Where an integral ends to be a number, or changes its power again and
+    again, there is no height at which that is over. At second order what is felt is the bending of the curve, and says
+    nothing of what lies far out.
     """
     extent = _extent(form)
     felt = _felt(form, extent)
     if felt is None:
         return extent
-    low = extent if felt.ends else felt.high / MUCH_HIGHER
-    return felt.high if not low <= extent <= WITHIN * felt.high else extent
+    over = not felt.ends and felt.high <= FEW_HEIGHTS * felt.low
+    if over and MUCH_HIGHER * extent < felt.high:
+        return felt.high
+    return extent if form.order > 1 else min(extent, WITHIN * felt.high)
 
 
 def far_out(form: Form, size: float) -> bool:
