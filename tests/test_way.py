@@ -65,8 +65,8 @@ def verified(problem):
 @pytest.mark.parametrize(
     ("name", "prepared", "most"),
     [
-        ("solve, a plain problem", lambda: solved(film()), 39),
-        ("solve, a singular end", lambda: solved(descent()), 37),
+        ("solve, a plain problem", lambda: solved(film()), 40),
+        ("solve, a singular end", lambda: solved(descent()), 40),
         ("verify", lambda: verified(film()), 42),
         ("rays", rays, 49),
     ],
