@@ -22,11 +22,11 @@ from varcalc.solution import Solution
 
 REACHES = 0.25, 1.0, 4.0
 """How far from the known end points of phi = 0 are looked for, in units of the curve's extents: on three grids."""
-PLACES_ON_GRID = {2: 37, 3: 13}
+PLACES_ON_GRID = {2: 29, 3: 11}
 """Along each coordinate of a grid on which phi is told, by the number of coordinates."""
 PIECES_DRAWN, POINTS_DRAWN = 8, 3
 """Pieces of the known curve, and Gauss points on each, by which a drawn curve is summed."""
-ONE_VALLEY = 2.7
+ONE_VALLEY = 2.1
 """Distance of points, in steps of the grid, within which one of them is the least."""
 WORTH_FOLLOWING = 0.5
 """How far above the known value, in units of what is summed, a drawn curve may be for a valley to be lower."""

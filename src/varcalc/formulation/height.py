@@ -42,7 +42,6 @@ MUCH_HIGHER = 8.0
 """How many times higher the functional may feel than the ends are apart, for one unit to show all of its landscape."""
 
 
-@lru_cache(maxsize=KEPT_FORMS)
 def height(form: Form) -> float:
     """A length of the size of the problem's functions.
 
@@ -50,8 +49,7 @@ def height(form: Form) -> float:
     not, a bend so high is nothing to the functional, or all: then it is the nearest height at which one of its
     integrals does not grow with a power of the height.
     """
-    extent = _extent(form)
-    felt = _felt(form, extent)
+    extent, felt = _measured(form)
     if felt is None:
         return extent
     if extent > WITHIN * felt.high:
@@ -59,7 +57,6 @@ def height(form: Form) -> float:
     return felt.low if WITHIN * extent < felt.low else extent
 
 
-@lru_cache(maxsize=KEPT_FORMS)
 def breadth(form: Form) -> float:
     """How broad the landscape of a functional is: the extent of the baseline, or of the interval, as :func:`height`.
 
@@ -68,8 +65,7 @@ def breadth(form: Form) -> float:
     again, there is no height at which that is over. At second order what is felt is the bending of the curve, and says
     nothing of what lies far out.
     """
-    extent = _extent(form)
-    felt = _felt(form, extent)
+    extent, felt = _measured(form)
     if felt is None:
         return extent
     over = not felt.ends and felt.high <= FEW_HEIGHTS * felt.low
@@ -91,6 +87,13 @@ def flat(form: Form) -> float:
     line = float(np.abs(form.start.curve(np.linspace(*form.span, 3))).max())
     unit = height(form)
     return FLAT * unit if any(form.problem.slides) or line <= LINE_ROUND_OFF * unit else 0.0
+
+
+@lru_cache(maxsize=KEPT_FORMS)
+def _measured(form: Form) -> tuple[float, _Felt | None]:
+    """The extent of a form, and what its functional feels."""
+    extent = _extent(form)
+    return extent, _felt(form, extent)
 
 
 def _extent(form: Form) -> float:
