@@ -86,6 +86,7 @@ class _Drawn:
     def __init__(self, best: Solution, side: int) -> None:
         assert best.curve is not None
         self.problem, self.side, self._curve = best.problem, side, best.curve
+        self._value = best.problem.sign * best.value
         self._graph = isinstance(best.problem, Problem)
         self._span = (float(best.x.min()), float(best.x.max())) if self._graph else best.problem.span
         self._label = LABELS[side]
@@ -114,26 +115,28 @@ class _Drawn:
         if phi is None:
             return []
         with np.errstate(all="ignore"):
-            found = [lowest for reach in REACHES for lowest in self._lowest(phi, reach)]
+            (own,), (size,) = self._values(self._ends[:, [self.side]].T)
+            enough = own + WORTH_FOLLOWING * size
+            found = [lowest for reach in REACHES for lowest in self._lowest(phi, reach, enough)]
         chosen: list[tuple[float, np.ndarray, float]] = []
         for value, point, apart in sorted(found, key=lambda one: one[0]):
             if all(np.linalg.norm((point - other) / self._extents) > min(apart, of) for _, other, of in chosen):
                 chosen.append((value, point, apart))
-        return [self._place(point, value) for value, point, _ in chosen[:MOST_PLACES]]
+        # what the rule misses of the known curve, as at an end where L is infinite, it misses of the others
+        missed = max(self._value - own, 0.0)
+        return [self._place(point, value + missed) for value, point, _ in chosen[:MOST_PLACES]]
 
-    def _lowest(self, phi: ca.Function, reach: float) -> list[tuple[float, np.ndarray, float]]:
-        """Values and points of one grid that are the least nearby, and how near that is, in units of the extents."""
+    def _lowest(self, phi: ca.Function, reach: float, enough: float) -> list[tuple[float, np.ndarray, float]]:
+        """Values below ``enough`` and points of one grid, the least nearby, and how near that is, in extents."""
         points, apart = self._points(phi, reach), ONE_VALLEY * 2 * reach / (self._places - 1)
-        at_known = self._ends[:, [self.side]].T
         if not len(points):
             return []
         values, _ = self._values(points)
-        (own,), (size,) = self._values(at_known)
         values = np.where(np.isfinite(values), values, np.inf)
-        scaled = (points - at_known[0]) / self._extents
+        scaled = (points - self._ends[:, self.side]) / self._extents
         away = (scaled**2).sum(axis=1)
         elsewhere = away > apart**2
-        low = np.flatnonzero(elsewhere & (values < own + WORTH_FOLLOWING * size))
+        low = np.flatnonzero(elsewhere & (values < enough))
         near = away[low, None] + away - 2 * scaled[low] @ scaled.T <= apart**2
         least = low[values[low] <= np.where(near, values, np.inf).min(axis=1, initial=np.inf)]
         return [(float(values[k]), points[k], apart) for k in least.tolist()]
@@ -210,6 +213,7 @@ class _Drawn:
             assert isinstance(own, OnSurface)
 
             def drawn(t: np.ndarray) -> np.ndarray:
+                """The coordinates at parameters t."""
                 t = np.atleast_1d(t)
                 share = (t - first) / (last - first)
                 return self._curve(t, 0) + (share if self.side else 1 - share) * away[:, None]
