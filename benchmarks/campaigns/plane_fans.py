@@ -7,8 +7,9 @@ that it lies in, which a refined net about it confirms.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -27,9 +28,13 @@ APPROACHES = 1e-7
 FINE = 6000
 """Steps of a ray that is followed by itself."""
 KINKED = 1600, 2e-4
-"""Steps of a ray over many kinks, and how well it is told then."""
+"""Steps of a ray over kinks, and how well it is told then."""
 EDGE = 2.0
 """Of tables."""
+CORNERS = (0, 0), (1, 0), (1, 1), (0, 1)
+"""Of a quadrangle, one after another: steps and rays from its first."""
+PART = 4_000
+"""Rays of a fan that are stepped at once."""
 SIGMA = 1.6
 """Of the optical path that is asked for: σ of the rays of a fan."""
 
@@ -97,7 +102,7 @@ def folds(rng: np.random.Generator) -> Scenery:
         slope = s * np.sign(first)[:, None] * a + t * (second > q)[:, None] * b
         return 2 + s * np.abs(first) + t * np.maximum(second, q), slope
 
-    return Scenery(optics.Graded(index), squared, 4.5)
+    return Scenery(optics.Graded(index), squared, 4.5, *KINKED)
 
 
 def shells(rng: np.random.Generator) -> Scenery:
@@ -189,19 +194,49 @@ def fan(scenery: Scenery, source: np.ndarray, angles: np.ndarray, steps: int) ->
     return np.array(places), np.array(paths)
 
 
-def met(places: np.ndarray, paths: np.ndarray, target: np.ndarray, within: float) -> np.ndarray:
-    """The quadrangles (k, 2), by step and ray, in which the target (2,) lies and that begin within the path."""
-    off = places - target
-    corners = [off[:-1, :-1], off[1:, :-1], off[1:, 1:], off[:-1, 1:]]
-    low, high = (np.minimum.reduce(corners), np.maximum.reduce(corners))
-    maybe = np.argwhere(np.all((low <= 0) & (high >= 0), axis=2) & (paths[:-1, :-1] <= within))
-    if len(maybe) == 0:
-        return maybe
-    around = np.array([[corner[i, j] for corner in corners] for i, j in maybe])
-    ahead = np.roll(around, -1, axis=1)
-    cross = around[..., 0] * ahead[..., 1] - around[..., 1] * ahead[..., 0]
-    turn = np.arctan2(cross, np.sum(around * ahead, axis=2)).sum(axis=1)
-    return maybe[np.abs(turn) > np.pi]
+class Meeting(NamedTuple):
+    """A target is met by a ray of about this launching ``angle`` and optical ``path``, after so many ``steps``."""
+
+    angle: float
+    path: float
+    steps: float
+
+
+@dataclass(frozen=True)
+class Net:
+    """A fan's quadrangles between neighbouring rays and steps, by their corners (steps + 1, m, 2) and boxes.
+
+    ``angles`` (m,) are those of its rays, ``paths`` (steps + 1, m) the optical paths to the corners.
+    """
+
+    angles: np.ndarray
+    places: np.ndarray
+    paths: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def met(self, target: np.ndarray, within: float) -> list[Meeting]:
+        """Where the target (2,) lies, in quadrangles that begin ``within`` that optical path."""
+        inside = (self.low <= target) & (self.high >= target)
+        maybe = np.argwhere(inside[..., 0] & inside[..., 1] & (self.paths[:-1, :-1] <= within))
+        if len(maybe) == 0:
+            return []
+        step, ray = maybe.T
+        around = np.stack([self.places[step + i, ray + k] for i, k in CORNERS], axis=1) - target
+        ahead = np.roll(around, -1, axis=1)
+        cross = around[..., 0] * ahead[..., 1] - around[..., 1] * ahead[..., 0]
+        turn = np.arctan2(cross, np.sum(around * ahead, axis=2)).sum(axis=1)
+        found = maybe[np.abs(turn) > np.pi]
+        return [Meeting(self.angles[k : k + 2].mean(), self.paths[i : i + 2, k].mean(), i + 0.5) for i, k in found]
+
+
+def nets(scenery: Scenery, source: np.ndarray, angles: np.ndarray, steps: int) -> Iterator[Net]:
+    """The net of a fan at ``angles`` (m,), in parts of so many rays as are kept at once."""
+    for first in range(0, len(angles) - 1, PART):
+        part = angles[first : first + PART + 1]
+        places, paths = fan(scenery, source, part, steps)
+        corners = [places[i : len(places) - 1 + i, k : places.shape[1] - 1 + k] for i, k in CORNERS]
+        yield Net(part, places, paths, np.minimum.reduce(corners), np.maximum.reduce(corners))
 
 
 def aimed(

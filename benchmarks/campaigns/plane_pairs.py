@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 
 import numpy as np
 
-from campaigns.plane_fans import SIGMA, Scenery, aimed, closest, fan, met
+from campaigns.plane_fans import SIGMA, Meeting, Scenery, aimed, closest, nets
 from campaigns.ray_campaign import Tally
 from varcalc import optics
 
 RECEIVERS = 20
-RAYS, STEPS = 4_000, 240
+RAYS, STEPS = 100_000, 240
 ROUGH = 5e-3
 """Launching angles of one ray agree so well as the net has it; optical paths to ten times that."""
 STRAYED = 1e-3
@@ -25,34 +26,28 @@ def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> list[str]
     source = rng.uniform(-1, 1, 2)
     targets = rng.uniform(-1.2, 1.2, (RECEIVERS, 2))
     angles = np.linspace(0, 2 * np.pi, RAYS + 1) + 1e-4
-    places, paths = fan(scenery, source, angles, STEPS)
+    meetings: list[list[Meeting]] = [[] for _ in targets]
+    for net in nets(scenery, source, angles, STEPS):
+        for known, target in zip(meetings, targets, strict=True):
+            known.extend(net.met(target, scenery.within))
     begun = time.process_time()
     answers = optics.Scene(scenery.medium).arrivals(source, targets, within=scenery.within)
     tally.seconds += time.process_time() - begun
-    lines = []
-    for target, rays in zip(targets, answers, strict=True):
+    lines: list[str] = []
+    for target, rays, rough in zip(targets, answers, meetings, strict=True):
         tally.pairs += 1
         tally.rays += len(rays)
         tally.unresolved += rays.unresolved > 0
         own = [(float(np.arctan2(*ray.tangents[0][::-1])), ray.optical_path) for ray in rays]
-        net = met(places, paths, target, scenery.within)
-        rough = [(float(angles[k : k + 2].mean()), float(paths[step : step + 2, k].mean())) for step, k in net]
         # what both have needs no further look; what one of them lacks is aimed at by the fan's own rule
-        for guess, (step, _) in zip(rough, net, strict=True):
-            if any(_alike(guess, other, ROUGH) for other in own):
-                continue
-            found = aimed(scenery, source, target, guess[0], SIGMA * scenery.within / STEPS * (step + 0.5))
-            if found is None or found[1] > (1 - EDGE) * scenery.within:
-                continue
-            if any(_alike(found, one, scenery.same) for one in own):
-                continue
+        for launch in _missed(scenery, source, target, own, rough):
             tally.missed += rays.unresolved == 0
             tally.missed_and_said += rays.unresolved > 0
             tally.rays += 1
-            lines.append(f"missed: {source} to {target}, {found}, unresolved {rays.unresolved}")
+            lines.append(f"missed: {source} to {target}, {launch}, unresolved {rays.unresolved}")
         n = scenery.squared(source[None])[0][0]
         for one in own:
-            if any(_alike(one, guess, ROUGH) for guess in rough):
+            if any(_alike(one, guess[:2], ROUGH) for guess in rough):
                 continue
             found = aimed(scenery, source, target, one[0], one[1] / n)
             tally.more += found is not None
@@ -61,6 +56,23 @@ def asked(scenery: Scenery, rng: np.random.Generator, tally: Tally) -> list[str]
                 tally.unconfirmed += 1
                 tally.false += closest(scenery, source, target, one[0], one[1] / n) > STRAYED
     return lines
+
+
+def _missed(
+    scenery: Scenery, source: np.ndarray, target: np.ndarray, own: list[tuple[float, float]], rough: list[Meeting]
+) -> Iterator[tuple[float, float]]:
+    """Rays of the fan that are none of ``own``, each of which answers for one ray of the fan alone."""
+    left = list(own)
+    for guess in rough:
+        alike = next((one for one in left if _alike(guess[:2], one, ROUGH)), None)
+        if alike is not None:
+            left.remove(alike)
+            continue
+        found = aimed(scenery, source, target, guess.angle, SIGMA * scenery.within / STEPS * guess.steps)
+        if found is None or found[1] > (1 - EDGE) * scenery.within:
+            continue
+        if not any(_alike(found, one, scenery.same) for one in own):
+            yield found
 
 
 def _alike(one: tuple[float, float], other: tuple[float, float], close: float) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import sys
 import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
@@ -94,10 +95,13 @@ class Family:
 
 
 def code() -> str:
-    """A digest of what finds rays, and of what is drawn and how it is judged: rows of another are of other code."""
+    """A digest of what finds rays, and of what is drawn and how it is judged: rows of another are of other code.
+
+    That is what a campaign has imported from beside this module.
+    """
     package = Path(vc.__file__).parent
     files = [file for part in PARTS for file in (package / part).rglob("*.py")]
-    files += Path(__file__).parent.glob("*.py")
+    files += [Path(str(module.__file__)) for name, module in sys.modules.items() if name.startswith("campaigns.")]
     digest = hashlib.sha256()
     for file in sorted(files):
         digest.update(file.name.encode())

@@ -138,14 +138,14 @@ class BentAlong(AlongAxes):
         spline = CubicHermiteSpline(x, *np.split(y, 2, axis=2), axis=1)
         return np.concatenate([spline(finer), spline(finer, 1)], axis=2)
 
-    def valley(self, x: np.ndarray, y: np.ndarray, value: float) -> Valley:
+    def valley(self, x: np.ndarray, y: np.ndarray, value: float, size: float) -> Valley:
         """A curve y (K + 1, 2 k), by many of its points, to be followed."""
         own, slopes = np.split(y, 2, axis=1)
         places = np.interp(np.arange(SHOWN * (len(x) - 1) + 1) / SHOWN, np.arange(len(x)), x)
         less, more = (float(self.sums(x, y[None], points)[0]) for points in MANY_POINTS)
         levels = any(self.departures.problem.of_type(Isoperimetric))  # which these curves do not keep
         summed = math.nan if levels else max(less, more) + RULES_APART * abs(more - less)
-        return Valley(places, CubicHermiteSpline(x, own, slopes)(places), value, False, summed=summed)
+        return Valley(places, CubicHermiteSpline(x, own, slopes)(places), value, False, summed=summed, size=size)
 
     @property
     def unit(self) -> float:

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Sampled, formulate
-from varcalc.formulation.height import breadth
+from varcalc.formulation.height import breadths
 from varcalc.methods.crossings import beside_jumps
 from varcalc.problem.conditions import Bound, Isoperimetric, Through
 from varcalc.problem.functional import Functional
@@ -48,15 +48,17 @@ class Departures:
     """Curves over ``span`` that depart from a known one, and what their functional adds at a place.
 
     A level is replaced by its one of the ``multipliers``, so that what is lower need not keep it. At second order they
-    bend as the known curve does. Beyond a bound nothing is admitted.
+    bend as the known curve does. Beyond a bound nothing is admitted. The landscape is one of its breadths wide: the
+    first, unless it is told; none for a Curve, which has a size of its own.
     """
 
     def __init__(
         self, problem: Functional, curve: CurveOrSlope, span: tuple[float, float],
-        multipliers: Sequence[Any], unknowns: Sequence[float],
+        multipliers: Sequence[Any], unknowns: Sequence[float], breadth: float | None = None,
     ) -> None:  # fmt: skip
         self.problem, self.curve, self.sign, self.span = problem, curve, problem.sign, span
         self.closed = bool(problem.start.periodic)
+        self._breadth = breadth
         levels = any(isinstance(c, Isoperimetric) for c in problem.constraints)
         # a level is one that these curves do not keep, and bending costs something
         self.approximate = levels or problem.order > 1
@@ -70,12 +72,12 @@ class Departures:
         self._known: dict[bytes, list[np.ndarray]] = {}
 
     @classmethod
-    def of(cls, solution: Solution, curve: CurveOrSlope | None = None) -> Departures:
+    def of(cls, solution: Solution, curve: CurveOrSlope | None = None, breadth: float | None = None) -> Departures:
         """Those from the curve of a solution, or from one beside it."""
         known = curve or solution.curve
         assert known is not None
         span = float(solution.x.min()), float(solution.x.max())
-        return cls(solution.problem, known, span, solution.multipliers, list(solution.unknowns.values()))
+        return cls(solution.problem, known, span, solution.multipliers, list(solution.unknowns.values()), breadth)
 
     @cached_property
     def _rows(self) -> np.ndarray:
@@ -93,8 +95,8 @@ class Departures:
 
     @property
     def breadth(self) -> float:
-        """How broad the landscape of a graph is; none for a Curve, which has a size of its own."""
-        return 0.0 if isinstance(self.problem, Curve) else breadth(formulate(self.problem))
+        """How broad the landscape is."""
+        return self._breadth if self._breadth is not None else breadths_of(self.problem)[0]
 
     @property
     def units(self) -> np.ndarray:
@@ -293,9 +295,14 @@ def polygonal(x: np.ndarray, y: np.ndarray) -> CurveOrSlope:
     return curve
 
 
-def in_directions(solution: Solution) -> Iterator[AlongDirection]:
+def breadths_of(problem: Functional) -> tuple[float, ...]:
+    """How broad the landscape of graphs may be; nothing for a Curve."""
+    return (0.0,) if isinstance(problem, Curve) else breadths(formulate(problem))
+
+
+def in_directions(solution: Solution, breadth: float | None = None) -> Iterator[AlongDirection]:
     """The departures from a solution that are looked at."""
-    return along_directions(Departures.of(solution))
+    return along_directions(Departures.of(solution, None, breadth))
 
 
 def is_polygonal(problem: Functional) -> bool:
@@ -303,7 +310,7 @@ def is_polygonal(problem: Functional) -> bool:
     return isinstance(problem, Problem) and problem.n == problem.order == 1
 
 
-def from_polygon(solution: Solution, pieces: int) -> AlongDirection:
+def from_polygon(solution: Solution, pieces: int, breadth: float | None = None) -> AlongDirection:
     """The departures from the polygon through a solution that is the graph of one function, on so many pieces.
 
     What departs from it is a polygon itself, and stays in between straight bounds.
@@ -311,7 +318,7 @@ def from_polygon(solution: Solution, pieces: int) -> AlongDirection:
     known, curve = Departures.of(solution), solution.curve
     assert curve is not None
     x = np.union1d(np.linspace(*known.span, pieces + 1), known.waypoints)
-    return next(along_directions(Departures.of(solution, polygonal(x, curve(x, 0)))))
+    return next(along_directions(Departures.of(solution, polygonal(x, curve(x, 0)), breadth)))
 
 
 def along_directions(departures: Departures) -> Iterator[AlongDirection]:

@@ -142,10 +142,9 @@ def looked_around(solution: Solution, beside: Callable[[Solution], Polish], tol:
         # whoever holds the method to one mesh has the answer on that
         one_mesh = isinstance(solution.method, Ritz) and not solution.method.refine
         way = polish if graph or (followed and not one_mesh) else None
-        # where a lattice shows a valley that is narrower than its meshes it does not lead into it
-        lower = _at_other_places(best, beside, way, seen) or _in_narrow_valleys(best, seen, way)
+        lower = _at_other_places(best, beside, way, seen)
         if lower is None or lower.local:
-            lower = (_lower(best, seen, polish) if graph else _lower_in_directions(best, seen, way)) or lower
+            lower = _lower_in_breadths(best, seen, way) or lower
         if lower is None or lower.local:
             lower = _with_corners(best, tol, seen.alternating) or lower
         if lower is None or not lower.status.ok or lower.local or not followed:
@@ -219,11 +218,32 @@ class _LookedAt:
         return f"{looked} were compared, and other valleys not followed"
 
 
-def _lower(best: Solution, seen: _LookedAt, polish: Polish) -> Solution | None:
-    """A lower solution, the known one marked or refused for what is lower; None for neither."""
+def _lower_in_breadths(best: Solution, seen: _LookedAt, polish: Polish | None) -> Solution | None:
+    """A lower solution, the known one marked or refused for what is lower; None for neither.
+
+    The landscape is looked at in each of its breadths, until a solution is lower.
+    """
+    from varcalc.existence.directions import breadths_of
+
+    marked: Solution | None = None
+    for breadth in breadths_of(best.problem):
+        # where a lattice shows a valley that is narrower than its meshes it does not lead into it
+        lower = _in_narrow_valleys(best, seen, polish, breadth)
+        if lower is None or lower.local:
+            look = _lower if _is_graph(best.problem) else _lower_in_directions
+            lower = look(best, seen, polish, breadth) or lower
+        if lower is not None and not lower.local:
+            return lower
+        marked = marked or lower
+    return marked
+
+
+def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: float) -> Solution | None:
+    """The same of graphs that one lattice holds, where valleys are always followed."""
     problem = best.problem
     assert isinstance(problem, Problem)
-    landscape, ordinates = Graphs(problem), partial(_ordinates, best)
+    assert polish is not None
+    landscape, ordinates = Graphs(problem, breadth), partial(_ordinates, best)
     lattices = _about(best, lambda k: PolygonLattice(landscape, ordinates, pieces=k))
     marked: Solution | None = None
     while True:
@@ -308,7 +328,9 @@ def _at_other_places(
     return marked
 
 
-def _in_narrow_valleys(best: Solution, seen: _LookedAt, polish: Polish | None) -> Solution | None:
+def _in_narrow_valleys(
+    best: Solution, seen: _LookedAt, polish: Polish | None, breadth: float
+) -> Solution | None:
     """A lower solution in a valley that no lattice shows, or the known one marked for that; None for neither."""
     if not _may_be_narrow(best.problem):
         return None
@@ -316,7 +338,7 @@ def _in_narrow_valleys(best: Solution, seen: _LookedAt, polish: Polish | None) -
 
     ordinates: Sampled | None = (lambda x: _ordinates(best, x)[None]) if _is_graph(best.problem) else None
     with np.errstate(all="ignore"):
-        narrow = narrow_valleys(best, ordinates)
+        narrow = narrow_valleys(best, ordinates, breadth)
         valleys = [] if narrow is None else narrow.distinct()
     seen.narrow, seen.number = seen.narrow or narrow is not None, seen.number + len(valleys)
     marked: Solution | None = None
@@ -335,7 +357,9 @@ def _may_be_narrow(problem: Functional) -> bool:
     return problem.symbols.kind is ca.SX and not gentle_across(integrals(problem), PLACE)
 
 
-def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None) -> Solution | None:
+def _lower_in_directions(
+    best: Solution, seen: _LookedAt, polish: Polish | None, breadth: float
+) -> Solution | None:
     """The same where no lattice holds all curves: in each direction from the known one.
 
     Without ``polish`` polygons are compared, and no valley is followed.
@@ -346,7 +370,7 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None)
     found: list[_Found] = []
     bends = best.problem.order > 1
     with np.errstate(all="ignore"):
-        looked, acrosses = _in_directions(best)
+        looked, acrosses = _in_directions(best, breadth)
         seen.bends = bends
         seen.directions = len({tuple(direction.shares.tolist()) for direction, _ in looked})
         seen.instead = _instead(best.problem)
@@ -426,7 +450,9 @@ def _least_bent(
     return box, None if box is None else box.fall()
 
 
-def _in_directions(best: Solution) -> tuple[list[tuple[AlongDirection, PolygonLattice]], list[Lattice | None]]:
+def _in_directions(
+    best: Solution, breadth: float
+) -> tuple[list[tuple[AlongDirection, PolygonLattice]], list[Lattice | None]]:
     """The lattices in each direction from the known curve, and those across the hills and wells there.
 
     From the polygon through it, where that is admitted: from a curve no polygon departs that is one itself.
@@ -437,14 +463,14 @@ def _in_directions(best: Solution) -> tuple[list[tuple[AlongDirection, PolygonLa
         directions: list[AlongDirection] = []
 
         def lattice_of(pieces: int) -> PolygonLattice:
-            directions.append(from_polygon(best, pieces))
+            directions.append(from_polygon(best, pieces, breadth))
             return PolygonLattice(directions[-1], np.zeros_like, pieces=pieces)
 
         about = list(_about(best, lattice_of))
-        across = across_the_landscape(from_polygon(best, PIECES_ACROSS), np.zeros_like)
+        across = across_the_landscape(from_polygon(best, PIECES_ACROSS, breadth), np.zeros_like)
         if math.isfinite(about[-1].own_value) and (across is None or math.isfinite(across.own_value)):
             return list(zip(directions, about, strict=True)), [across, *(None for _ in about[1:])]
-    looked = [(d, PolygonLattice(d, np.zeros_like)) for d in in_directions(best)]
+    looked = [(d, PolygonLattice(d, np.zeros_like)) for d in in_directions(best, breadth)]
     looked = [(direction, about) for direction, about in looked if math.isfinite(about.own_value)]
     return looked, [across_the_landscape(direction, np.zeros_like) for direction, _ in looked]
 
@@ -475,7 +501,7 @@ def _worth_following(best: Solution, lattice: Lattice, valley: Valley) -> bool:
     """
     if lattice.apart(valley):
         return True
-    if not valley.value < best.problem.sign * best.value - SURELY_LOWER * lattice.summed:
+    if not valley.value < best.problem.sign * best.value - SURELY_LOWER * _size(lattice, valley):
         return False
     return _is_lower(_along(lattice.landscape, valley), best, 0.0, SURELY_LOWER)
 
@@ -559,7 +585,7 @@ def _by_meshes(
         start = _withdrawn(best, start)
         rough = polish(ACROSS[0], start)
     # a coarse mesh may say of a steep curve no more than that it is far lower
-    low = sign * (rough.value - best.value) < ROUGHLY * lattice.summed
+    low = sign * (rough.value - best.value) < ROUGHLY * _size(lattice, valley)
     if not low or _departure(rough, best) < ONE_CURVE:
         return None
     # what a coarse mesh does not hold asks for many elements
@@ -578,6 +604,11 @@ def _by_meshes(
     return None
 
 
+def _size(lattice: Valleys, valley: Valley) -> float:
+    """The size of what is summed along the known curve, or in a valley: values are known to shares of that."""
+    return max(lattice.summed, valley.size)
+
+
 def _as_it_meets(best: Solution, lattice: Valleys, valley: Valley, polish: Polish) -> Solution | None:
     """The lower solution that meets what switches as the curve in a valley does; None where there is none.
 
@@ -585,7 +616,7 @@ def _as_it_meets(best: Solution, lattice: Valleys, valley: Valley, polish: Polis
     """
     from varcalc.existence.moved_polygons import marked
 
-    if not valley.value < best.problem.sign * best.value + NEARLY * lattice.summed:
+    if not valley.value < best.problem.sign * best.value + NEARLY * _size(lattice, valley):
         return None
     found = polish(IN_NARROW, lattice.landscape.along(valley), marked(valley).marks)
     return found if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER) else None
@@ -617,7 +648,7 @@ def _by_moved_polygon(best: Solution, lattice: Valleys, valley: Valley, polish: 
     sign = best.problem.sign
     with np.errstate(all="ignore"):
         polygon = moved_on(lattice.landscape, valley)
-    if not polygon.value < sign * best.value + NEARLY * lattice.summed:
+    if not polygon.value < sign * best.value + NEARLY * _size(lattice, valley):
         return None
     found = polish(IN_NARROW, lattice.landscape.along(polygon), polygon.marks)
     if found.status.ok:

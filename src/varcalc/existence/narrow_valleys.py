@@ -32,6 +32,8 @@ SHARES_OF_WAY = (0.03, 0.1, 0.3)
 """How much of the interval the way there may take, and the way back."""
 PIECES_OF_WAY = 4
 """Pieces of each along which L is summed."""
+WAY_COUNTED = 0.8
+"""Share that is counted of what the way there and back adds: a straight one is not the best."""
 PIECES_OF_TURN, PIECES_OF_VALLEY = 64, 1024
 """The same of the polygons that are handed out, on the way and in the valley."""
 BOUNDS_OF_SHARE, SHARE_FOUND = (math.log(1e-5), math.log(0.45)), 1e-5
@@ -42,9 +44,11 @@ FIRST_LINES = {1: 8, 2: 4, 3: 2}
 """How many of them are asked first, of so many functions, whether there is anything at all."""
 SHELLS = {1: 2.0 ** np.arange(-6, 6.25, 0.5), 2: 2.0 ** np.arange(-3, 6), 3: 4.0 ** np.arange(-1, 3)}
 """Departures between which boxes lie, either way, of so many functions, in units of the larger of size and interval."""
-LOWER_VALLEY, SHARE_TOLD = 1e-2, 1e-6
+LOWER_VALLEY, SHARE_TOLD = 1e-2, 1e-2
 """How much lower, relative to what is summed, a shifted curve has to be, and how nearly the lowest one is told: to
 that, or to a share of how much lower it is."""
+WORTH_SHIFTED = 0.1
+"""How far above the known curve a shifted one may lie to be followed, in units of what the larger one sums."""
 HIDING: Rules = {**RULES, **SWITCHED}
 """By what factor operations may go too far between samples for nothing to hide there."""
 SAME_DEPARTURE, ELSEWHERE = 1e-4, 2
@@ -87,7 +91,7 @@ class NarrowValleys:
         kept: list[Valley] = []
         for valley in sorted(map(self._valley, shifts), key=lambda valley: valley.value):
             known = any(self._alike(valley, other) for other in kept)
-            if valley.value < self.own_value - near and not known:
+            if valley.value < self.own_value + WORTH_SHIFTED * max(self.summed, valley.size) and not known:
                 kept.append(valley)
         return kept
 
@@ -121,22 +125,23 @@ class NarrowValleys:
         """The polygon that is ``shifted``, with the best way there and back."""
         from scipy.optimize import minimize_scalar
 
-        def polygon(shares: list[float]) -> tuple[float, np.ndarray, np.ndarray]:
-            """By how much it is higher, its abscissae, and its departures."""
+        def polygon(shares: list[float]) -> tuple[float, np.ndarray, np.ndarray, float]:
+            """By how much it is higher, its abscissae, its departures, and what it sums without signs."""
             x = self._abscissae(shares)
             away, h = (shifted(x) * self._taper(x, shares)).T, np.diff(x)
             middle, between = 0.5 * (x[1:] + x[:-1]), 0.5 * (away[1:] + away[:-1])
             values = self.landscape.values(middle, between, np.diff(away, axis=0) / h[:, None])
             known = self.landscape.values(middle, np.zeros_like(between), np.zeros_like(between))
-            return float(np.where(np.isfinite(values), values - known, np.inf) @ h), x, away
+            higher = float(np.where(np.isfinite(values), values - known, np.inf) @ h)
+            return higher, x, away, float(np.abs(values) @ h)
 
         shares = [min(SHARES_OF_WAY, key=lambda share: polygon([share, share])[0])] * 2
         for side in (0, 1):
             trial = lambda log, side=side: polygon([*shares[:side], math.exp(log), *shares[side + 1 :]])[0]  # noqa: E731
             options = {"xatol": SHARE_FOUND}
             shares[side] = math.exp(minimize_scalar(trial, bounds=BOUNDS_OF_SHARE, method="bounded", options=options).x)
-        higher, x, away = polygon(shares)
-        return Valley(x, away, self.own_value + higher, False, self._marks(shares))
+        higher, x, away, size = polygon(shares)
+        return Valley(x, away, self.own_value + higher, False, self._marks(shares), size=size)
 
     def _abscissae(self, shares: Sequence[float]) -> np.ndarray:
         """The vertices of a polygon that is shifted within ``shares`` of the interval beside what it keeps."""
@@ -184,7 +189,7 @@ class NarrowValleys:
         for (x, share, rate, h), known in zip(self._ways, self._known, strict=True):
             shifted = self.landscape.values(x, share[:, None] * away.T[:, None], rate[:, None] * away.T[:, None])
             higher = np.where(np.isfinite(shifted), shifted - known, np.inf).sum(1) * h
-            found.append(higher + lower_by * (self._length - len(x) * h))
+            found.append(WAY_COUNTED * higher + lower_by * (self._length - len(x) * h))
         return np.array(found)
 
     def _value(self, away: np.ndarray, number: np.ndarray) -> np.ndarray:
@@ -213,12 +218,15 @@ class NarrowValleys:
         return np.broadcast_to(self._departures.least([column[0] for column in found]), number.shape)
 
 
-def narrow_valleys(solution: Solution, ordinates: Sampled | None = None) -> NarrowValleys | None:
+def narrow_valleys(
+    solution: Solution, ordinates: Sampled | None = None, breadth: float | None = None
+) -> NarrowValleys | None:
     """The valleys that may be too narrow for a lattice, at first order; None where L has nothing narrow.
 
     Their shifts are told from a polygon beside the curve where its ``ordinates`` (n, m) are given as a function.
     """
-    return narrow_about(Departures.of(solution, None if ordinates is None else _polygon(solution, ordinates)))
+    curve = None if ordinates is None else _polygon(solution, ordinates)
+    return narrow_about(Departures.of(solution, curve, breadth))
 
 
 def narrow_about(departures: Departures) -> NarrowValleys | None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from varcalc.existence.falling import Fall, falls_along
 from varcalc.formulation import Sampled, formulate
-from varcalc.formulation.height import breadth
+from varcalc.formulation.height import breadths
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.problem import Problem
@@ -51,9 +51,9 @@ STEEPER = 0.1
 CONCAVE = -1e-7
 """Second derivative of L in the slope, relative to L, that is one and not round-off."""
 WORTH_FOLLOWING = 0.5
-"""How far above the known curve's polygon a valley may lie to be followed, in units of what that one sums."""
-MOST_PATHS = 16
-"""Polygons that are read, the lowest first."""
+"""How far above the known curve's polygon a valley may lie to be followed, in units of what the larger one sums."""
+MOST_PATHS, MOST_TRIED = 16, 48
+"""Polygons that are read, the lowest first, and those that are looked at for that."""
 BETWEEN = np.array([0.25, 0.5, 0.75])[:, None]
 """Where on the way from one polygon to another a ridge is looked for."""
 FARTHEST_ARCH, NEARER_ARCH = 10.0 ** np.concatenate([np.arange(12.0, 2, -3), np.arange(2.0, -13, -1)]), 1e3
@@ -145,10 +145,11 @@ class LandscapeWithUnit(Landscape, Protocol):
 
 
 class Graphs:
-    """The landscape of the graphs of one function."""
+    """The landscape of the graphs of one function, which is one of its breadths wide: the first, unless it is told."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, breadth: float | None = None) -> None:
         self.problem, self.span, self.sign = problem, problem.span, problem.sign
+        self._breadth = breadth
         self.held, self.closed = (problem.start.fixed, problem.end.fixed), False
         self.approximate, self.waypoints = False, ()
 
@@ -166,7 +167,7 @@ class Graphs:
 
     def extent(self, y: np.ndarray) -> float:
         """The larger of the curve's extent and how broad the landscape is, in whatever units it is written."""
-        return max(float(np.ptp(y)), breadth(formulate(self.problem)))
+        return max(float(np.ptp(y)), self._breadth or breadths(formulate(self.problem))[0])
 
     def beside_jumps(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
         """Ordinates (m,) just beside those at which L jumps."""
@@ -199,7 +200,8 @@ class Valley:
 
     Of n functions at once ``y`` is (K + 1, n), of one (K + 1,). The curve there is held by a mesh with the ``marks``.
     What lies ``apart`` by far less is one. Where slopes have bounds it may be as ``steep`` as curves can be. Where it
-    stands for a curve that is no polygon it is known what that sums at most, ``summed``.
+    stands for a curve that is no polygon it is known what that sums at most, ``summed``. The ``size`` is what its pieces
+    add without their signs: values are known to shares of that.
     """
 
     x: np.ndarray
@@ -210,6 +212,7 @@ class Valley:
     apart: float = 0.0
     steep: bool = False
     summed: float = math.nan
+    size: float = 0.0
 
     @property
     def start(self) -> Sampled:
@@ -338,10 +341,10 @@ class Lattice:
     def _valleys(self) -> list[Valley]:
         costs = np.where(self.walls[1:, None, :], np.inf, self.costs)
         paths = self._closed_paths(costs) if self.landscape.closed else self._paths(costs)
-        return [self._valley(path, value) for path, value in sorted(paths.items(), key=lambda p: p[1])]
+        return [self._valley(path, *told) for path, told in sorted(paths.items(), key=lambda p: p[1])]
 
-    def _paths(self, costs: np.ndarray) -> dict[tuple[int, ...], float]:
-        """The numbers of the nodes of these polygons, and their values."""
+    def _paths(self, costs: np.ndarray) -> dict[tuple[int, ...], tuple[float, float]]:
+        """The numbers of the nodes of these polygons, their values and sizes."""
         count, J = len(self.steps), self.nodes.shape[1]
         forward, backward = np.full((2, count + 1, J), np.inf)
         for side, row in enumerate((forward[0], backward[count])):
@@ -353,40 +356,46 @@ class Lattice:
         for k in range(count - 1, -1, -1):
             np.min(costs[k] + backward[k + 1], axis=1, out=backward[k])
         through = forward + backward
-        least = self.minima(through) & (through < self.ceiling)
+        least = self.minima(through) & np.isfinite(through)
         least[np.arange(count + 1), self.own] = False
-        paths: dict[tuple[int, ...], float] = {}
+        paths: dict[tuple[int, ...], tuple[float, float]] = {}
         passed: set[tuple[int, int]] = set()
         nodes = np.argwhere(least)
+        tried = 0
         for k, j in nodes[np.argsort(through[least], kind="stable")].tolist():
             if (k, j) in passed:  # the least polygon through it is known
                 continue
+            tried += 1
             path = [j]
             for i in range(k, 0, -1):
                 path.insert(0, int(np.argmin(forward[i - 1] + costs[i - 1][:, path[0]])))
             for i in range(k, count):
                 path.append(int(np.argmin(costs[i][path[-1]] + backward[i + 1])))
-            paths[tuple(path)] = float(through[k, j])
             passed |= set(enumerate(path))
-            if len(paths) == MOST_PATHS:
+            size = float(np.abs(costs[np.arange(count), path[:-1], path[1:]]).sum())
+            if through[k, j] < self.ceiling(size):
+                paths[tuple(path)] = float(through[k, j]), size
+            if len(paths) == MOST_PATHS or tried == MOST_TRIED:
                 break
         return paths
 
-    def _closed_paths(self, costs: np.ndarray) -> dict[tuple[int, ...], float]:
+    def _closed_paths(self, costs: np.ndarray) -> dict[tuple[int, ...], tuple[float, float]]:
         """The same of polygons that end where they began: the least one from each node of the first row."""
         J = self.nodes.shape[1]
         forward = [np.where(np.eye(J, dtype=bool), 0.0, np.inf)]
         for own in costs:
             forward.append((forward[-1][:, :, None] + own).min(axis=1))
         closed = forward[-1].diagonal()
-        least = self.minima(closed) & (closed < self.ceiling)
+        least = self.minima(closed) & np.isfinite(closed)
         least[self.own[0]] = False
-        paths: dict[tuple[int, ...], float] = {}
+        paths: dict[tuple[int, ...], tuple[float, float]] = {}
         for j in np.flatnonzero(least).tolist():
             path = [j]
             for i in range(len(costs) - 1, -1, -1):
                 path.insert(0, int(np.argmin(forward[i][j] + costs[i][:, path[0]])))
-            paths[tuple(path)] = float(closed[j])
+            size = float(np.abs(costs[np.arange(len(costs)), path[:-1], path[1:]]).sum())
+            if closed[j] < self.ceiling(size):
+                paths[tuple(path)] = float(closed[j]), size
         return paths
 
     def minima(self, values: np.ndarray) -> np.ndarray:
@@ -394,12 +403,12 @@ class Lattice:
         beside = np.pad(values, [(0, 0)] * (values.ndim - 1) + [(1, 1)], constant_values=np.inf)
         return (values <= beside[..., :-2]) & (values <= beside[..., 2:])
 
-    def _valley(self, path: tuple[int, ...], value: float) -> Valley:
+    def _valley(self, path: tuple[int, ...], value: float, size: float) -> Valley:
         numbers = np.array(path)
         edge = bool(((numbers <= 1) | (numbers >= self.nodes.shape[1] - 2)).any())
         y = self.nodes[np.arange(len(self.x)), numbers]
         apart = float(np.median(np.diff(self.nodes, axis=1)))
-        return Valley(self.x, y, value, edge, apart=apart, steep=self.bounded)
+        return Valley(self.x, y, value, edge, apart=apart, steep=self.bounded, size=size)
 
     @cached_property
     def own_costs(self) -> np.ndarray:
@@ -417,10 +426,9 @@ class Lattice:
         """The functional along the curve's own polygon."""
         return float(self.own_costs.sum()) + at_ends(self.landscape, self.c)
 
-    @property
-    def ceiling(self) -> float:
-        """The value from which on a valley is not worth following."""
-        return self.own_value + WORTH_FOLLOWING * self.summed
+    def ceiling(self, size: float) -> float:
+        """The value from which on a valley whose pieces add that much, without their signs, is not worth following."""
+        return self.own_value + WORTH_FOLLOWING * max(self.summed, size)
 
     @cached_property
     def room(self) -> np.ndarray | float:

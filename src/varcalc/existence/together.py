@@ -36,7 +36,7 @@ MOVES = 3
 MOST_TOGETHER = (160, 60), (40, 20), (12, 12)
 """Polygons that are moved, the lowest first, each time with half the step, each pair on twice as many pieces."""
 WORTH_TOGETHER = 0.05
-"""How far above the known curve's polygon one may lie to be followed, in units of what that one sums."""
+"""How far above the known curve's polygon one may lie to be followed, in units of what the larger of them sums."""
 ABOUT, FAR_APART = 2.0, 3.0
 """How far a box about the known curve goes, in extents, and the range of another, in such units, that asks for it."""
 SAME = 0.5
@@ -87,9 +87,9 @@ class AlongAxes:
         rows = np.array([np.interp(finer, x, row) for polygon in y for row in polygon.T])  # there may be none
         return rows.reshape(len(y), y.shape[2], len(finer)).transpose(0, 2, 1)
 
-    def valley(self, x: np.ndarray, y: np.ndarray, value: float) -> Valley:
+    def valley(self, x: np.ndarray, y: np.ndarray, value: float, size: float) -> Valley:
         """A polygon y (K + 1, k), to be followed."""
-        return Valley(x, y, value, False)
+        return Valley(x, y, value, False, size=size)
 
     def starts(self, x: np.ndarray, levels: list[np.ndarray], seen: Callable[[], np.ndarray]) -> np.ndarray:
         """The least polygons (P, K + 1, k) through the nodes of a box; of many axes, those ``seen`` along one each."""
@@ -130,13 +130,14 @@ class PolygonsTogether:
         own = np.zeros((1, len(x), len(steps)))
         summed = landscape.costs(x, own[:, :, None])
         self.summed = float(np.abs(summed).sum())
+        self._sizes = [float(np.abs(landscape.costs(x, row[None, :, None])).sum()) for row in y]
         self.own_value = float(summed.sum()) + float(sum(landscape.at_end(side, own[0, -side]) for side in (0, 1)))
 
     def distinct(self) -> list[Valley]:
         """The curves that are worth following and come not near the known one all along, the lowest first."""
-        ceiling = self.own_value + WORTH_TOGETHER * self.summed
-        apart = [(y, value) for y, value in self.found if value < ceiling and (np.abs(y) > self._room).any()]
-        return [self.landscape.valley(self.x, y, value) for y, value in apart]
+        sized = [(y, value, size) for (y, value), size in zip(self.found, self._sizes, strict=True)]
+        worth = [own for own in sized if own[1] < self.own_value + WORTH_TOGETHER * max(self.summed, own[2])]
+        return [self.landscape.valley(self.x, *own) for own in worth if (np.abs(own[0]) > self._room).any()]
 
     def _settled(
         self, x: np.ndarray, y: np.ndarray, step: np.ndarray, most: Sequence[int]

@@ -57,21 +57,22 @@ def height(form: Form) -> float:
     return felt.low if WITHIN * extent < felt.low else extent
 
 
-def breadth(form: Form) -> float:
-    """How broad the landscape of a functional is: the extent of the baseline, or of the interval, as :func:`height`.
+def breadths(form: Form) -> tuple[float, ...]:
+    """How broad the landscape of a functional may be: the extent of the baseline, or of the interval, as :func:`height`.
 
-    Where that is far less than the heights that the functional feels it is the highest of these, and where it is far
-    more, as much more as one lattice shows. Where an integral ends to be a number, or changes its power again and
-    again, there is no height at which that is over. At second order what is felt is the bending of the curve, and says
-    nothing of what lies far out.
+    Where that is far less than the heights that the functional feels it is the highest of these. Where an integral ends
+    to be a number, or changes its power again and again, there is no height at which that is over. Where it is far
+    more, a lattice so broad passes by what is felt: then it is as much more as one lattice shows, and the extent comes
+    second, as what is felt may lie far from what bends along one function show.
     """
     extent, felt = _measured(form)
     if felt is None:
-        return extent
+        return (extent,)
     over = not felt.ends and felt.high <= FEW_HEIGHTS * felt.low
     if over and MUCH_HIGHER * extent < felt.high:
-        return felt.high
-    return extent if form.order > 1 else min(extent, WITHIN * felt.high)
+        return (felt.high,)
+    shown = WITHIN * felt.high
+    return (shown, extent) if shown < extent else (extent,)
 
 
 def far_out(form: Form, size: float) -> bool:
