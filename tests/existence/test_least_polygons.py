@@ -43,7 +43,8 @@ def test_valleys_that_move_are_followed_to_a_free_end(bound):
     found = vc.solve(
         vc.Problem(
             on(ca), vc.Fixed(0, 0.15), vc.Free(8), conditions, end_cost=lambda x0, y0, x1, y1: cost(ca)(y1)
-        )
+        ),
+        tol=1e-12,
     )  # fmt: skip
     polygon = least_on_lattice(on(np), 0.15, 8.0, -3.0, 2.0 if bound is None else bound, cost(np))
     assert polygon - 0.3 < found.value < polygon

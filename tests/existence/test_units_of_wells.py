@@ -55,7 +55,7 @@ def test_the_deeper_well_is_found(stated, units):
     assert not solution.local
 
 
-@pytest.mark.parametrize("units", [(1e-3, 1), (1e-6, 1), (1, 1e3), (1, 1e6)])
+@pytest.mark.parametrize("units", UNITS)
 def test_of_second_order_as_well(units):
     x_unit, y_unit = units
     bent = vc.Problem(

@@ -82,6 +82,7 @@ FAMILIES = {
     "wells": Family("eigenvalues of pairs of wells", eigenvalues.wells),
     "hills": Family("landscapes of hills", landscapes.hills),
     "tilted wells": Family("tilted double wells", landscapes.tilted_wells),
+    "distant wells": Family("wells that barely pay for the way", landscapes.distant_wells),
 }
 
 

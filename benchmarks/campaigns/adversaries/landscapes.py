@@ -54,3 +54,31 @@ def tilted_wells(random: np.random.Generator) -> Statement:
     value, error = least_value(landscape, (0.0, float(y0), T, float(y1)), (-1.8, 1.8), 2000)
     L: Integrand = lambda x, y, v: v**2 / 2 + k * (y**2 - 1) ** 2 + t * y  # noqa: E731
     return Statement(L, (0.0, y0), (T, y1), Least(value, within=error + NEAR * max(1.0, abs(value))))
+
+
+def distant_wells(random: np.random.Generator) -> Statement:
+    """A well beside a curve at rest, so deep that the way there and back is barely paid for, or barely not.
+
+    It is as deep as where the best of straight ways, with a rest in the well between them, costs nothing, but for a
+    tenth.
+    """
+    T, c, w = random.uniform(1, 5), random.choice([-1, 1]) * random.uniform(0.7, 2.5), 10 ** random.uniform(-1, -0.2)
+    swing, rate = random.uniform(0, 0.2), random.uniform(1, 3)
+    share = np.linspace(0.02, 0.48, 400)
+    on_way = float(np.mean(np.exp(-(((np.linspace(0, c, 4001) - c) / w) ** 2))))
+    deep = np.min(c**2 / (share * T**2 * (1 - 2 * share * (1 - on_way)))) * random.uniform(0.9, 1.1)
+
+    def depth(x: Any, sin: Any) -> Any:
+        return deep * (1 + swing * sin(rate * x))
+
+    def well(y: Any) -> Any:
+        return np.exp(-(((y - c) / w) ** 2))
+
+    landscape = Landscape(
+        lambda x, y: -depth(x, np.sin) * well(y),
+        lambda x, y: 2 * (y - c) / w**2 * depth(x, np.sin) * well(y),
+        lambda x, y: (2 / w**2 - 4 * (y - c) ** 2 / w**4) * depth(x, np.sin) * well(y),
+    )
+    value, error = least_value(landscape, (0.0, 0.0, T, 0.0), tuple(sorted((-0.3 * c, 1.3 * c))), 2000)
+    L: Integrand = lambda x, y, v: v**2 / 2 - depth(x, ca.sin) * ca.exp(-(((y - c) / w) ** 2))  # noqa: E731
+    return Statement(L, (0.0, 0.0), (T, 0.0), Least(value, within=error + NEAR * max(1.0, abs(value))))

@@ -74,17 +74,26 @@ def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution
     return refused(failure, Finding(Verdict.NOT_ATTAINED, message))
 
 
-def lower_with_corners(best: Solution, tol: float, near: Alternating | None = None) -> Solution | None:
+def lower_with_corners(best: Solution, tol: float, near: Relaxed | None = None) -> Solution | None:
     """A lower minimum with corners, or the known one marked for what finer and finer ones come to; None for neither.
 
-    They are sought ``near`` a polygon about the known curve where one is given.
+    They are sought ``near`` a polygon of two slopes a piece where one is given.
     """
-    problem, sign = best.problem, best.problem.sign
-    if not (isinstance(problem, Problem) and applies(problem)):
+    if not (isinstance(best.problem, Problem) and applies(best.problem)):
         return None
-    coarse, fine, found = _cornered(problem, tol) if near is None else _sought(problem, tol, _about(best, near))
+    lower = None if near is None else _lower_of(best, tol, _sought(best.problem, tol, near))
+    # from a polygon that alternates here and there it may not be seen that all of the way had better
+    return lower or _lower_of(best, tol, _cornered(best.problem, tol))
+
+
+def _lower_of(
+    best: Solution, tol: float, sought: tuple[Relaxed | None, Relaxed | None, Solution | None]
+) -> Solution | None:
+    """The minimum with corners where that is lower, or the known one marked for finer and finer ones; or None."""
+    coarse, fine, found = sought
     if coarse is None or fine is None:
         return None
+    sign = best.problem.sign
     known = sign * best.value - best.error.value
     if found is not None and sign * found.value < known - found.error.value - tol * max(1.0, abs(found.value)):
         return found
@@ -116,7 +125,7 @@ def _cornered(problem: Problem, tol: float) -> tuple[Relaxed | None, Relaxed | N
     return _sought(problem, tol, None)
 
 
-def _about(best: Solution, near: Alternating) -> Relaxed:
+def alternating_about(best: Solution, near: Alternating) -> Relaxed:
     """The polygon of two slopes a piece that departs from a curve so."""
     assert best.curve is not None
     away, spreads = near.y.copy(), np.pad(near.spreads, 1, mode="edge")

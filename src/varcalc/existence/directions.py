@@ -96,7 +96,7 @@ class Departures:
     @property
     def breadth(self) -> float:
         """How broad the landscape is."""
-        return self._breadth if self._breadth is not None else breadths_of(self.problem)[0]
+        return self._breadth if self._breadth is not None else breadths(formulate(self.problem))[0]
 
     @property
     def units(self) -> np.ndarray:
@@ -293,11 +293,6 @@ def polygonal(x: np.ndarray, y: np.ndarray) -> CurveOrSlope:
         return slopes[:, np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)]
 
     return curve
-
-
-def breadths_of(problem: Functional) -> tuple[float, ...]:
-    """How broad the landscape of graphs may be; nothing for a Curve."""
-    return (0.0,) if isinstance(problem, Curve) else breadths(formulate(problem))
 
 
 def in_directions(solution: Solution, breadth: float | None = None) -> Iterator[AlongDirection]:

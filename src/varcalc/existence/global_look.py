@@ -31,7 +31,8 @@ from varcalc.existence.polygons import (
     across_the_landscape,
     at_ends,
 )
-from varcalc.formulation import Sampled
+from varcalc.formulation import Sampled, formulate
+from varcalc.formulation.height import breadths
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, integrals
@@ -47,7 +48,8 @@ from varcalc.verify.slopes import concave_beside
 
 if TYPE_CHECKING:
     from varcalc.existence.directions import AlongDirection
-    from varcalc.existence.levelled_polygons import Alternating, LevelledPolygons
+    from varcalc.existence.levelled_polygons import LevelledPolygons
+    from varcalc.existence.relaxation import Relaxed
     from varcalc.existence.together import Looked
 
 FOLLOWED, FOLLOWED_ACROSS, FOLLOWED_IN_DIRECTIONS = 3, 4, 4
@@ -155,7 +157,7 @@ def looked_around(solution: Solution, beside: Callable[[Solution], Polish], tol:
     return replace(best, local=True, message=message, searched=seen.sentence)
 
 
-def _with_corners(best: Solution, tol: float, near: Alternating | None) -> Solution | None:
+def _with_corners(best: Solution, tol: float, near: Relaxed | None) -> Solution | None:
     """A lower solution with corners, or the known one marked for many; None for neither, as where L is convex.
 
     Slopes that alternate may have been seen to be lower ``near`` a polygon.
@@ -186,7 +188,7 @@ class _LookedAt:
     instead: str = ""
     levelled: bool = False
     unfollowed: bool = False
-    alternating: Alternating | None = None
+    alternating: Relaxed | None = None
 
     @property
     def sentence(self) -> str:
@@ -223,10 +225,8 @@ def _lower_in_breadths(best: Solution, seen: _LookedAt, polish: Polish | None) -
 
     The landscape is looked at in each of its breadths, until a solution is lower.
     """
-    from varcalc.existence.directions import breadths_of
-
     marked: Solution | None = None
-    for breadth in breadths_of(best.problem):
+    for breadth in breadths(formulate(best.problem)):
         # where a lattice shows a valley that is narrower than its meshes it does not lead into it
         lower = _in_narrow_valleys(best, seen, polish, breadth)
         if lower is None or lower.local:
@@ -251,8 +251,7 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: floa
             about = next(lattices, None)
             if about is None:
                 break
-            worth = filter(partial(_worth_following, best, about), about.valleys())
-            valleys = _lowest(best, about, list(worth), FOLLOWED)
+            valleys = _lowest(best, about, _worth_following(best, about), FOLLOWED)
             seen.walled = seen.walled or about.walled
         seen.pieces, seen.nodes = max(seen.pieces, about.pieces), max(seen.nodes, about.levels)
         seen.reach, seen.number = max(seen.reach, about.reach), seen.number + len(valleys)
@@ -264,7 +263,7 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: floa
         return marked
     with np.errstate(all="ignore"):
         lattice = across_the_landscape(landscape, ordinates)
-        valleys = [] if lattice is None else _lowest(best, lattice, lattice.distinct(), FOLLOWED_ACROSS)
+        valleys = [] if lattice is None else _lowest(best, lattice, _distinct(lattice), FOLLOWED_ACROSS)
     seen.across, seen.number = lattice is not None, seen.number + len(valleys)
     return None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
 
@@ -328,9 +327,7 @@ def _at_other_places(
     return marked
 
 
-def _in_narrow_valleys(
-    best: Solution, seen: _LookedAt, polish: Polish | None, breadth: float
-) -> Solution | None:
+def _in_narrow_valleys(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: float) -> Solution | None:
     """A lower solution in a valley that no lattice shows, or the known one marked for that; None for neither."""
     if not _may_be_narrow(best.problem):
         return None
@@ -357,9 +354,7 @@ def _may_be_narrow(problem: Functional) -> bool:
     return problem.symbols.kind is ca.SX and not gentle_across(integrals(problem), PLACE)
 
 
-def _lower_in_directions(
-    best: Solution, seen: _LookedAt, polish: Polish | None, breadth: float
-) -> Solution | None:
+def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: float) -> Solution | None:
     """The same where no lattice holds all curves: in each direction from the known one.
 
     Without ``polish`` polygons are compared, and no valley is followed.
@@ -380,10 +375,9 @@ def _lower_in_directions(
         seen.across = seen.across or any(across is not None for across in acrosses)
         pairs = [(*pair, across) for pair, across in zip(looked, acrosses, strict=True)]
         for (direction, about), across in zip(looked, acrosses, strict=True):
-            worth = partial(_worth_following, best, about)
             if bends:  # polygons show how far out there are hills and wells, no more
                 continue
-            valleys = list(filter(worth, about.valleys()))
+            valleys = _worth_following(best, about)
             valleys = valleys if best.problem.n == 1 else valleys[:FOLLOWED]
             if not direction.approximate and (fallen := _fallen(best, about, valleys)) is not None:
                 return fallen
@@ -398,10 +392,7 @@ def _lower_in_directions(
         else:
             boxes += together(pairs)
         levelled = _keeping_levels(best, pairs)
-        seen.alternating = min(
-            (t.alternating for t in levelled if t.alternating is not None and t.may_be_lower(best)),
-            key=lambda found: found.value, default=None,
-        )  # fmt: skip
+        seen.alternating = _lowest_alternating(best, levelled, seen.alternating)
         ends = cheaper_ends(best)
         found += [valley for lattice in (*boxes, ends) for valley in _across(lattice)]
     if len(found) > FOLLOWED_IN_DIRECTIONS:
@@ -418,6 +409,17 @@ def _lower_in_directions(
     seen.number += len(found)
     followed = (_followed(best, lattice, [valley], way, polish) for _, lattice, valley, way in found)
     return next((lower for lower in followed if lower is not None), None)
+
+
+def _lowest_alternating(best: Solution, levelled: Sequence[LevelledPolygons], known: Relaxed | None) -> Relaxed | None:
+    """The lowest polygon of two slopes a piece that was seen about this curve, or is ``known`` from one before it."""
+    seen = [t.alternating for t in levelled if t.alternating is not None and t.may_be_lower(best)]
+    near = min(seen, key=lambda found: found.value, default=None)
+    if near is None or (known is not None and known.value <= near.value):
+        return known
+    from varcalc.existence.corners import alternating_about  # few problems need them
+
+    return alternating_about(best, near)
 
 
 def _keeping_levels(best: Solution, looked: Sequence[Looked]) -> list[LevelledPolygons]:
@@ -489,18 +491,46 @@ def _closer(best: Solution, found: list[_Found]) -> Iterator[_Found]:
 
 def _across(lattice: Valleys | None) -> list[_Found]:
     """The valleys that are seen across hills and wells."""
-    valleys = [] if lattice is None else lattice.distinct()
-    valleys = valleys if valleys and valleys[0].y.ndim == 1 else valleys[:FOLLOWED_ACROSS]
-    return [(v.value - lattice.own_value, lattice, v, ACROSS) for v in valleys] if lattice is not None else []
+    if lattice is None:
+        return []
+    valleys = _distinct(lattice) if isinstance(lattice, Lattice) else lattice.distinct()[:FOLLOWED_ACROSS]
+    return [(v.value - lattice.own_value, lattice, v, ACROSS) for v in valleys]
 
 
-def _worth_following(best: Solution, lattice: Lattice, valley: Valley) -> bool:
-    """Whether a ridge lies on the way to a valley, or its polygon, which is a curve as others are, is surely lower.
+def _distinct(lattice: Lattice) -> list[Valley]:
+    """The distinct valleys of one function, those that lie high where they are low once moved."""
+    valleys = lattice.distinct()
+    low = [valley for valley in valleys if valley.value < lattice.low]
+    return [*low, *_low_once_moved(lattice, valleys[len(low) :])]
+
+
+def _worth_following(best: Solution, lattice: Lattice) -> list[Valley]:
+    """The valleys beyond a ridge, and those whose polygon, which is a curve as others are, is surely lower.
 
     A curve may rest on what is as narrow as a floor against division by zero: no ridge is seen about it.
     """
-    if lattice.apart(valley):
-        return True
+    found, doubtful = list[Valley](), list[Valley]()
+    for valley in lattice.valleys():
+        if (valley.value < lattice.low and lattice.apart(valley)) or _surely_lower(best, lattice, valley):
+            found.append(valley)
+        elif lattice.bends_down(valley):
+            doubtful.append(valley)
+    # on its coarse pieces a polygon may lie far above the valley, and above the ridge before it
+    found += filter(lattice.apart, _low_once_moved(lattice, doubtful))
+    return sorted(found, key=lambda valley: valley.value)
+
+
+def _low_once_moved(lattice: Lattice, valleys: Sequence[Valley]) -> list[Valley]:
+    """The valleys, moved, that are next to as low as the known curve then, or lower."""
+    if not valleys:
+        return []
+    from varcalc.existence.moved_polygons import moved_a_little  # few curves come to this
+
+    moved = moved_a_little(lattice.landscape, valleys)
+    return [v for v in moved if v.value < lattice.own_value + ROUGHLY * _size(lattice, v)]
+
+
+def _surely_lower(best: Solution, lattice: Lattice, valley: Valley) -> bool:
     if not valley.value < best.problem.sign * best.value - SURELY_LOWER * _size(lattice, valley):
         return False
     return _is_lower(_along(lattice.landscape, valley), best, 0.0, SURELY_LOWER)

@@ -28,16 +28,16 @@ MOST_FUNCTIONS = 3
 """Functions that are looked at together."""
 LINES = 32
 """Vertical lines on which the place is looked for."""
-SHARES_OF_WAY = (0.03, 0.1, 0.3)
-"""How much of the interval the way there may take, and the way back."""
+SHARES_OF_WAYS = (0.06, 0.2, 0.6)
+"""How much of the interval the ways there and back may take together."""
 PIECES_OF_WAY = 4
 """Pieces of each along which L is summed."""
-WAY_COUNTED = 0.8
+WAY_COUNTED = 0.9
 """Share that is counted of what the way there and back adds: a straight one is not the best."""
 PIECES_OF_TURN, PIECES_OF_VALLEY = 64, 1024
 """The same of the polygons that are handed out, on the way and in the valley."""
-BOUNDS_OF_SHARE, SHARE_FOUND = (math.log(1e-5), math.log(0.45)), 1e-5
-"""Logarithms of shares among which the best way is looked for, and how nearly it is found."""
+LEAST_WAY, MOST_OF_WAY, WAY_FOUND = 1e-5, 0.9, 1e-2
+"""Shares among which those of the best ways are looked for, and how nearly the logarithm of each is found."""
 MESH_OF_VALLEY, FINER, CLOSEST_TO_TURN = 9, 8.0, 10
 """Points of the mesh for curves there, and by what factor it is finer, and how often, toward a turn."""
 FIRST_LINES = {1: 8, 2: 4, 3: 2}
@@ -70,7 +70,10 @@ class NarrowValleys:
         own = self.landscape.values(self._lines, *np.zeros((2, LINES, len(self._axes))))
         self.summed, self.own_value = (float(v.mean()) * self._length for v in (np.abs(own), own))
         self._own = np.minimum(own, own.mean())
-        self._ways = [self._way(share) for share in SHARES_OF_WAY]
+        ways = 1 if sum(self.landscape.held) == 1 and not self.landscape.waypoints else 2
+        self._shares = tuple(share / ways for share in SHARES_OF_WAYS)
+        self._bounds_of_share = math.log(LEAST_WAY), math.log(MOST_OF_WAY / ways)
+        self._ways = [self._way(share) for share in self._shares]
         self._known = [self.landscape.values(x, *np.zeros((2, len(x), len(self._axes)))) for x, *_ in self._ways]
 
     def distinct(self) -> list[Valley]:
@@ -135,11 +138,13 @@ class NarrowValleys:
             higher = float(np.where(np.isfinite(values), values - known, np.inf) @ h)
             return higher, x, away, float(np.abs(values) @ h)
 
-        shares = [min(SHARES_OF_WAY, key=lambda share: polygon([share, share])[0])] * 2
+        shares = [min(self._shares, key=lambda share: polygon([share, share])[0])] * 2
         for side in (0, 1):
             trial = lambda log, side=side: polygon([*shares[:side], math.exp(log), *shares[side + 1 :]])[0]  # noqa: E731
-            options = {"xatol": SHARE_FOUND}
-            shares[side] = math.exp(minimize_scalar(trial, bounds=BOUNDS_OF_SHARE, method="bounded", options=options).x)
+            options = {"xatol": WAY_FOUND}
+            shares[side] = math.exp(
+                minimize_scalar(trial, bounds=self._bounds_of_share, method="bounded", options=options).x
+            )
         higher, x, away, size = polygon(shares)
         return Valley(x, away, self.own_value + higher, False, self._marks(shares), size=size)
 

@@ -34,7 +34,7 @@ LEAST_UNIT = 0.02
 """The least unit, in extents, where there are larger ones."""
 TURN_NOISE = 1e-7
 """Change of that, relative to what is summed, that is none."""
-NEAR = np.array([1 / 16, *np.arange(1, 9) / 4.0])
+NEAR = np.array([1 / 16, *np.arange(1, 8) / 8.0, *np.arange(4, 9) / 4.0])
 """Departures of the nodes, either way, in the problem's own unit."""
 SLOPE_DEPARTURES = 4.0 ** np.arange(-20, 21)
 """Departures of the slope, in units of the problem's, at which it is seen whether slopes have bounds."""
@@ -50,11 +50,12 @@ STEEPER = 0.1
 """Change of the slope, in units of the problem's and of its own, over which a second derivative is taken."""
 CONCAVE = -1e-7
 """Second derivative of L in the slope, relative to L, that is one and not round-off."""
-WORTH_FOLLOWING = 0.5
-"""How far above the known curve's polygon a valley may lie to be followed, in units of what the larger one sums."""
+WORTH_FOLLOWING, WORTH_MOVING = 0.5, 0.6
+"""How far above the known curve's polygon a valley may lie to be followed, in units of what that one sums, and, to be
+moved before, in units of what its own pieces sum."""
 MOST_PATHS, MOST_TRIED = 16, 48
 """Polygons that are read, the lowest first, and those that are looked at for that."""
-BETWEEN = np.array([0.25, 0.5, 0.75])[:, None]
+WAY_THERE = np.linspace(0, 1, 11)
 """Where on the way from one polygon to another a ridge is looked for."""
 FARTHEST_ARCH, NEARER_ARCH = 10.0 ** np.concatenate([np.arange(12.0, 2, -3), np.arange(2.0, -13, -1)]), 1e3
 """How far out an arch is tried at most, in extents, and less far where L is no number there.
@@ -194,14 +195,14 @@ class Polygon:
         return np.interp(x, self.x, self.y)[None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Valley:
     """A least polygon through some node: vertices ``x`` and ``y``, its value on the lattice; ``edge``: it leaves it.
 
     Of n functions at once ``y`` is (K + 1, n), of one (K + 1,). The curve there is held by a mesh with the ``marks``.
     What lies ``apart`` by far less is one. Where slopes have bounds it may be as ``steep`` as curves can be. Where it
-    stands for a curve that is no polygon it is known what that sums at most, ``summed``. The ``size`` is what its pieces
-    add without their signs: values are known to shares of that.
+    stands for a curve that is no polygon it is known what that sums at most, ``summed``. Values are known to shares of
+    the ``size``, what its pieces add without their signs.
     """
 
     x: np.ndarray
@@ -426,9 +427,14 @@ class Lattice:
         """The functional along the curve's own polygon."""
         return float(self.own_costs.sum()) + at_ends(self.landscape, self.c)
 
+    @property
+    def low(self) -> float:
+        """The value up to which a valley is worth following as it is."""
+        return self.own_value + WORTH_FOLLOWING * self.summed
+
     def ceiling(self, size: float) -> float:
-        """The value from which on a valley whose pieces add that much, without their signs, is not worth following."""
-        return self.own_value + WORTH_FOLLOWING * max(self.summed, size)
+        """The value from which on a valley whose pieces add that much, without their signs, is not looked at."""
+        return max(self.low, self.own_value + WORTH_MOVING * size)
 
     @cached_property
     def room(self) -> np.ndarray | float:
@@ -477,15 +483,24 @@ class Lattice:
 
     def apart(self, valley: Valley) -> bool:
         """Whether a ridge lies between the curve's polygon and a valley, or nothing but a way down leads there."""
-        away = valley.y - self.c
-        shares = np.vstack([BETWEEN, [[0.0]], [[1.0]]])
-        sums = self._along(self._rule, self.c + shares * away)
-        for side in (0, 1):
-            sums = sums + self.landscape.at_end(side, self.c[-side] + shares[:, 0] * away[-side])
-        own, there = sums[-2], sums[-1]
+        sums = self._on_way(valley)
         if not np.isfinite(sums).all():
             return True
-        return bool(sums[:-2].max() > max(own, there) + NO_RIDGE * abs(own)) or (valley.edge and there < own)
+        own, there = sums[0], sums[-1]
+        return bool(sums.max() > max(own, there) + NO_RIDGE * abs(own)) or (valley.edge and there < own)
+
+    def bends_down(self, valley: Valley) -> bool:
+        """Whether the functional bends down on the way: a coarse polygon may lie higher than the ridge before it."""
+        sums = self._on_way(valley)
+        return bool(np.diff(sums, 2).min() < -NO_RIDGE * max(abs(sums[0]), abs(sums[-1])))
+
+    def _on_way(self, valley: Valley) -> np.ndarray:
+        """What polygons sum on the way from the curve's own to one of a valley."""
+        away = valley.y - self.c
+        sums = self._along(self._rule, self.c + WAY_THERE[:, None] * away)
+        for side in (0, 1):
+            sums = sums + self.landscape.at_end(side, self.c[-side] + WAY_THERE * away[-side])
+        return sums
 
 
 def at_ends(landscape: Landscape, y: np.ndarray) -> float:

@@ -244,9 +244,13 @@ def meets_switches(problem: Problem, polygon: Valley) -> bool:
 
 
 def _small_half_way(problem: Problem, curve: Curve, sizes: np.ndarray) -> list[float]:
-    """What kinks may be followed by: round-off, and what each is but for a factor in the middle of a narrow valley."""
-    middle = np.array([0.5 * sum(problem.span)])
-    at = np.abs(arguments_along(problem, curve, middle, problem.unknown_guesses)[:, 0]) / sizes
+    """What kinks may be followed by: round-off, and what each is but for a factor in the middle of a narrow valley.
+
+    A valley that a free end lies in may begin beyond the middle.
+    """
+    ends = [x for x, end in zip(problem.span, (problem.start, problem.end), strict=True) if not end.fixed]
+    at = np.abs(arguments_along(problem, curve, np.array([0.5 * sum(problem.span), *ends]), problem.unknown_guesses))
+    at = at.min(axis=1) / sizes
     kinks = [not (switch.jumps or switch.smooth) for switch in on_curve(problem)]
     near = np.maximum(HALF_WAY * at[kinks], BESIDE_VALLEY)
     return [ARGUMENT_ROUND_OFF, *np.unique(near[near < STILL[0]]).tolist()]

@@ -58,13 +58,16 @@ def height(form: Form) -> float:
 
 
 def breadths(form: Form) -> tuple[float, ...]:
-    """How broad the landscape of a functional may be: the extent of the baseline, or of the interval, as :func:`height`.
+    """How broad the landscape of a functional may be: as the baseline, or the interval, as :func:`height`.
 
     Where that is far less than the heights that the functional feels it is the highest of these. Where an integral ends
     to be a number, or changes its power again and again, there is no height at which that is over. Where it is far
     more, a lattice so broad passes by what is felt: then it is as much more as one lattice shows, and the extent comes
-    second, as what is felt may lie far from what bends along one function show.
+    second, as what is felt may lie far from what bends along one function show. A Curve has a size
+    of its own, and none.
     """
+    if isinstance(form.problem, Curve):
+        return (0.0,)
     extent, felt = _measured(form)
     if felt is None:
         return (extent,)
