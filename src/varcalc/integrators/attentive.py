@@ -23,7 +23,18 @@ from varcalc.spelling import spelled
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.instructions import POWERS, interpret, operate
 from varcalc.symbolic.tracing import Expression
-from varcalc.symbolic.variation import LEAST_POWER, LOCAL, SEEN_FROM_AFAR, VARYING, Between, excess, gentle
+from varcalc.symbolic.variation import (
+    CHANGE,
+    FACTOR,
+    LEAST_POWER,
+    LOCAL,
+    SEEN_FROM_AFAR,
+    VARYING,
+    Between,
+    Rules,
+    excess,
+    gentle,
+)
 
 WIDE = 12.0
 """By how many times more than is gentle an argument may go from the middle of where a run has been."""
@@ -46,6 +57,30 @@ FROM_EDGES: dict[int, tuple[float, ...]] = {
 """Where the domain of an operation ends."""
 RULES = {operation: rule for operation, rule in VARYING.items() if operation not in SEEN_FROM_AFAR}
 """How far arguments may go unseen, by operation; sines are seen from everywhere."""
+
+
+POWER = 3.0
+"""Power of what is divided by that a series has to see from afar."""
+
+
+def _by_logarithm(rule: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
+    """Of what matters by a factor: a power of it is an exponential of its logarithm, seen from as far off."""
+    return lambda *operands: POWER * np.log(np.fmax(FACTOR * rule(*operands), 1.0)) / CHANGE
+
+
+def _power(base: Between, exponent: Between) -> np.ndarray:
+    """The same of a power, by its own exponent where that is known."""
+    stated = VARYING[ca.OP_POW](base, exponent)
+    times = np.fmax(np.abs(exponent.range[0]), 1.0)
+    by_logarithm = np.where(stated > 0, times * np.log(np.fmax(FACTOR * base.factor, 1.0)) / CHANGE, 0.0)
+    return np.where(exponent.range[0] == exponent.range[1], by_logarithm, stated)
+
+
+FROM_AFAR: Rules = {
+    **{operation: rule if operation in LOCAL else _by_logarithm(rule) for operation, rule in RULES.items()},
+    **dict.fromkeys(POWERS, _power),
+}
+"""How far arguments may go unseen from the middle of where a run has been, up to WIDE."""
 
 
 @spelled
@@ -120,7 +155,7 @@ class AttentiveFlow:
 
         with np.errstate(all="ignore"):
             boxes = [sides(s[:, :1], s[:, 1:]), sides(low, high), sides(constants, constants)]
-            return ~(excess(self.system, boxes, (len(low),), RULES) <= WIDE)
+            return ~(excess(self.system, boxes, (len(low),), FROM_AFAR) <= WIDE)
 
     def _wide_along(self, runs: Sequence[Run], constants: np.ndarray) -> np.ndarray:
         """True (m,) for runs where something narrow may be in the box of all places where they have been."""

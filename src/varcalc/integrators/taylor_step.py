@@ -152,15 +152,14 @@ def _free_step(
     be at the origin of its coordinates, or very far from it.
     """
     order = solution[0].numel() - 1
-    change, tiny = _largest(solution, 1), np.finfo(float).tiny
+    change = _largest(solution, 1)
+    # in logarithms: a power of one's own for every term would cost as much as the whole series
+    falls = {k: _logarithm(change) - _logarithm(_largest(solution, k)) for k in range(order - GAP, order + 1)}
     # a series may have gaps: of what is even in time every other term is nothing. Terms before the last two tell of
     # its radius too, and what grows less than others, such as a sine, gets k/order of it
-    radii = [
-        order / k * ((change + tiny) / (_largest(solution, k) + tiny)) ** (1 / (k - 1))
-        for k in range(order - GAP, order - 1)
-    ]
-    steps = [(share * (change + tiny) / (_largest(solution, k) + tiny)) ** (1 / (k - 1)) for k in (order - 1, order)]
-    free = ca.fmin(reduce(ca.fmin, steps), reduce(ca.fmin, radii) * share ** (1 / (order - 1)))
+    radii = [np.log(order / k) + falls[k] / (k - 1) for k in range(order - GAP, order - 1)]
+    steps = [(np.log(share) + falls[k]) / (k - 1) for k in (order - 1, order)]
+    free = ca.exp(reduce(ca.fmin, [*steps, reduce(ca.fmin, radii) + np.log(share) / (order - 1)]))
     whole = time + _largest(solution, 0) / change
     # at the origin, at the time 0, there is no size to go by
     whole = ca.if_else(whole > 0, whole, ca.fmin(free, ca.if_else(left < np.inf, left, 1.0)))
@@ -172,12 +171,13 @@ def _told(level: Expression, whole: Expression) -> Expression:
 
     The solution may be told much farther: beside a straight line the distance from a point is no polynomial.
     """
-    order, tiny = level.numel() - 1, np.finfo(float).tiny
-    size = _size(level, whole)
-    return reduce(
-        ca.fmin,
-        ((LEVEL_SHARE * (size + tiny) / (ca.fabs(level[k]) + tiny)) ** (1 / k) for k in (order - 1, order)),
-    )
+    order, size = level.numel() - 1, _logarithm(_size(level, whole))
+    told = [(np.log(LEVEL_SHARE) + size - _logarithm(ca.fabs(level[k]))) / k for k in (order - 1, order)]
+    return ca.exp(reduce(ca.fmin, told))
+
+
+def _logarithm(size: Expression) -> Expression:
+    return ca.log(size + np.finfo(float).tiny)
 
 
 def _allowed(levels: Sequence[Expression], longest: Expression, graze: Expression) -> tuple[Expression, Expression]:
