@@ -517,7 +517,11 @@ def _worth_following(best: Solution, lattice: Lattice) -> list[Valley]:
             doubtful.append(valley)
     # on its coarse pieces a polygon may lie far above the valley, and above the ridge before it
     found += filter(lattice.apart, _low_once_moved(lattice, doubtful))
-    return sorted(found, key=lambda valley: valley.value)
+    kept: list[Valley] = []
+    for valley in sorted(found, key=lambda valley: valley.value):
+        if all(lattice.parted(lower, valley) for lower in kept):
+            kept.append(valley)
+    return kept
 
 
 def _low_once_moved(lattice: Lattice, valleys: Sequence[Valley]) -> list[Valley]:

@@ -75,8 +75,8 @@ What varies along the interval more than once or twice a piece misleads the midp
 """
 BESIDE_OWN = np.arange(-6, 7, 2)
 """Levels beside the curve's along which it is seen how many are needed."""
-NO_RIDGE = 1e-12
-"""Height of a ridge, relative to what is summed, that is round-off."""
+NO_RIDGE, LOW_RIDGE = 1e-12, 1e-2
+"""Height of a ridge, relative to what is summed, that is round-off, and one that coarse pieces make."""
 PIECES_ACROSS, LEVELS = 24, 64
 """Pieces of the polygons, and levels that lie evenly."""
 DEPARTURES = 2.0 ** np.arange(-10, 6, 0.25)
@@ -483,24 +483,30 @@ class Lattice:
 
     def apart(self, valley: Valley) -> bool:
         """Whether a ridge lies between the curve's polygon and a valley, or nothing but a way down leads there."""
-        sums = self._on_way(valley)
-        if not np.isfinite(sums).all():
-            return True
-        own, there = sums[0], sums[-1]
-        return bool(sums.max() > max(own, there) + NO_RIDGE * abs(own)) or (valley.edge and there < own)
+        sums = self._on_way(self.c, valley)
+        return _ridged(sums, NO_RIDGE * abs(sums[0])) or (valley.edge and bool(sums[-1] < sums[0]))
+
+    def parted(self, lower: Valley, valley: Valley) -> bool:
+        """Whether a ridge lies between two valleys: else they lead to one curve."""
+        return _ridged(self._on_way(lower.y, valley), LOW_RIDGE * max(lower.size, valley.size))
 
     def bends_down(self, valley: Valley) -> bool:
         """Whether the functional bends down on the way: a coarse polygon may lie higher than the ridge before it."""
-        sums = self._on_way(valley)
+        sums = self._on_way(self.c, valley)
         return bool(np.diff(sums, 2).min() < -NO_RIDGE * max(abs(sums[0]), abs(sums[-1])))
 
-    def _on_way(self, valley: Valley) -> np.ndarray:
-        """What polygons sum on the way from the curve's own to one of a valley."""
-        away = valley.y - self.c
-        sums = self._along(self._rule, self.c + WAY_THERE[:, None] * away)
+    def _on_way(self, first: np.ndarray, valley: Valley) -> np.ndarray:
+        """What polygons sum on the way from a ``first`` one, (K + 1,), to that of a valley."""
+        away = valley.y - first
+        sums = self._along(self._rule, first + WAY_THERE[:, None] * away)
         for side in (0, 1):
-            sums = sums + self.landscape.at_end(side, self.c[-side] + WAY_THERE * away[-side])
+            sums = sums + self.landscape.at_end(side, first[-side] + WAY_THERE * away[-side])
         return sums
+
+
+def _ridged(sums: np.ndarray, room: float) -> bool:
+    """Whether sums on the way from one polygon to another rise above both by more than that, or one is no number."""
+    return bool(not np.isfinite(sums).all() or sums.max() > max(sums[0], sums[-1]) + room)
 
 
 def at_ends(landscape: Landscape, y: np.ndarray) -> float:
