@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from varcalc.integrators import NONE, OUTCOMES, Dop853, OnDemand, RunOutcome, Taylor
+from varcalc.integrators import NONE, OUTCOMES, Dop853, OnDemand, RunOutcome, Taylor, for_many
 
 pytest.importorskip("heyoka", reason="the Taylor engine is heyoka's")
 
@@ -216,6 +216,28 @@ def test_a_run_that_leaves_a_stop_along_it_goes_on():
     landing = Taylor().compile(*parabola()).ensemble(np.array([[0.5, 0.0]]), np.array([[0.5]]), leaving=(0,))
     assert landing.stopped_by[0] == 1
     assert landing.reached[0] == pytest.approx(np.sqrt(3), rel=1e-14)
+
+
+@pytest.mark.parametrize("engine", [*ENGINES, for_many()], ids=lambda e: e.name)
+def test_a_floor_is_told_at_the_end_of_the_first_step_below_it(engine):
+    """y = exp(-s) sinks to 0 in the limit; the second stop is a time, met where it is sooner, and the last two floors.
+
+    On the way back up nothing is below the other floor, and a run that leaves a floor goes on.
+    """
+    s, y, c = ca.SX.sym("s"), ca.SX.sym("Y", 2), ca.SX.sym("c", 2)
+    system = ca.Function("sinking", [s, y, c], [ca.vertcat(c[0] * y[0], 1)])
+    stops = ca.Function("stops", [s, y, c], [ca.vertcat(y[0] + 1, y[1] - c[1], y[0] - 1e-6, 2 - y[0])])
+    flow = engine.compile(system, stops, at_ends=(2, 3))
+    rates, times = np.array([-1.0, -1.0, 1.0, 0.5]), np.array([np.inf, 3.0, 1e3, 1.0])
+    landing = flow.ensemble(np.tile([1.0, 0.0], (4, 1)), np.column_stack([rates, times]))
+    assert np.all(landing.outcomes == STOPPED)
+    np.testing.assert_array_equal(landing.stopped_by, [2, 1, 3, 1])
+    np.testing.assert_allclose(landing.states[:, 0], np.exp(rates * landing.reached), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(landing.reached[[1, 3]], [3.0, 1.0], rtol=1e-12)
+    assert np.log(1e6) * (1 - 1e-6) <= landing.reached[0] < np.log(1e6) + 20
+    assert np.log(2) * (1 - 1e-6) <= landing.reached[2] < np.log(2) + 20
+    on = flow.ensemble(landing.states[:1], np.array([[-1.0, 60.0]]), leaving=(2,))
+    assert on.reached[0] > 0
 
 
 def test_interpreted_and_compiled_steps_agree():

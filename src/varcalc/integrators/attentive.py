@@ -95,14 +95,17 @@ class Attentive:
         """What to call it in a message."""
         return self.engine.name
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> Flow:
+    def compile(
+        self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0,
+        at_ends: tuple[int, ...] = (),
+    ) -> Flow:  # fmt: skip
         """See :meth:`Engine.compile`."""
-        flow = self.engine.compile(system, stops, watching=watching)
+        flow = self.engine.compile(system, stops, watching=watching, at_ends=at_ends)
         try:
             formula = scalar_function(system)
         except CannotLower:
             return flow
-        return flow if gentle(formula, RULES) else AttentiveFlow(self.engine, formula, stops, flow)
+        return flow if gentle(formula, RULES) else AttentiveFlow(self.engine, formula, stops, flow, at_ends)
 
 
 @dataclass(frozen=True)
@@ -113,6 +116,7 @@ class AttentiveFlow:
     system: ca.Function
     stops: ca.Function | None
     free: Flow
+    at_ends: tuple[int, ...] = ()
 
     @property
     def compiled(self) -> bool:
@@ -127,7 +131,7 @@ class AttentiveFlow:
             s, state, numbers = (ca.SX.sym(name, self._accompanied.numel_in(k)) for k, name in enumerate("sYc"))
             stops = ca.Function("stops", [s, state, numbers], [stops(s, state[: self._size], numbers)])
         extra = self._accompanied.numel_in(1) - self._size
-        return self.engine.compile(self._accompanied, stops, watching=extra)
+        return self.engine.compile(self._accompanied, stops, watching=extra, at_ends=self.at_ends)
 
     @cached_property
     def _accompanied(self) -> ca.Function:

@@ -64,7 +64,10 @@ class Dop853:
         """What to call it in a message."""
         return "DOP853 (SciPy)"
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> Dop853Flow:
+    def compile(
+        self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0,
+        at_ends: tuple[int, ...] = (),  # noqa: ARG002  every stop is looked for on the way
+    ) -> Dop853Flow:  # fmt: skip
         """Wrap ``system`` and ``stops``; never raises CannotLower."""
         check_system(system)
         pairs = second_order(system, watching)

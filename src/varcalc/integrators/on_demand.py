@@ -44,14 +44,17 @@ class OnDemand:
         """What to call it in a message."""
         return f"{self.first.name}, then {self.then.name}"
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> Flow:
+    def compile(
+        self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0,
+        at_ends: tuple[int, ...] = (),
+    ) -> Flow:  # fmt: skip
         """Wrap ``system`` and ``stops``; never raises CannotLower."""
         if stops is None and self.steps:
             return FlowOnDemand(self, system, self.first.compile(system, watching=watching))
         try:
-            return self.then.compile(system, stops, watching=watching)
+            return self.then.compile(system, stops, watching=watching, at_ends=at_ends)
         except CannotLower:
-            return self.first.compile(system, stops, watching=watching)
+            return self.first.compile(system, stops, watching=watching, at_ends=at_ends)
 
 
 @dataclass

@@ -50,15 +50,18 @@ class Piecewise:
         """What to call it in a message."""
         return self.engine.name
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> Flow:
+    def compile(
+        self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0,
+        at_ends: tuple[int, ...] = (),
+    ) -> Flow:  # fmt: skip
         """See :meth:`Engine.compile`; what does not switch along its runs goes by as it is."""
         try:
             formulas = [scalar_function(f) for f in (system, stops) if f is not None]
             held = [] if self.continuous is None else [scalar_function(self.continuous.function)]
         except CannotLower:
-            return self.engine.compile(system, stops, watching=watching)
+            return self.engine.compile(system, stops, watching=watching, at_ends=at_ends)
         if all(SWITCHING.isdisjoint(i.operation for i in program(f).steps) for f in [*formulas, *held]):
-            return self.engine.compile(system, stops, watching=watching)
+            return self.engine.compile(system, stops, watching=watching, at_ends=at_ends)
         symbols = [ca.SX.sym(name, system.numel_in(k)) for k, name in enumerate("sYc")]
         results = [ca.densify(f(*symbols)) for f in formulas]
         if stops is None:
@@ -66,7 +69,7 @@ class Piecewise:
         results += [_first(f, symbols) for f in held] or [ca.SX(0, 1)]
         sides = Sides(ca.Function("switching", symbols, results), (0, 1))
         if not sides.places:
-            return self.engine.compile(system, stops, watching=watching)
+            return self.engine.compile(system, stops, watching=watching, at_ends=at_ends)
         return PiecewiseFlow(OneSided(self.engine, sides, 0 if self.continuous is None else self.continuous.count))
 
 

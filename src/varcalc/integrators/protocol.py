@@ -172,11 +172,16 @@ class Engine(Protocol):
         """What to call it in a message."""
         ...
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> Flow:
+    def compile(
+        self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0,
+        at_ends: tuple[int, ...] = (),
+    ) -> Flow:  # fmt: skip
         """Prepare ``system``: ``(s, Y (N,), constants (c,)) -> dY/ds (N,)``, with ``stops``: the same to (k,).
 
         Where there are stops, neither may depend on s. The last ``watching`` states are there to bound the steps alone:
-        nothing depends on them, and they need not be right. Raises :class:`varcalc.integrators.lowering.CannotLower`
+        nothing depends on them, and they need not be right. Stops with the numbers ``at_ends`` are floors that a run
+        sinks to slowly: it ends at the latest after the first step that ends below one. Raises
+        :class:`varcalc.integrators.lowering.CannotLower`
         when the system holds an operation the engine does not know.
         """
         ...

@@ -56,11 +56,15 @@ def solution_series(system: ca.Function, stops: ca.Function, order: int) -> tupl
     Returns a list of N and one of k columns (order + 1,), and the symbols Y (N,) and constants (c,) they are
     expressed by. Raises :class:`CannotLower`, naming the operation, where there is no recurrence.
     """
-    state, constants = ca.SX.sym("Y", system.numel_in(1)), ca.SX.sym("c", system.numel_in(2))
+    s, state, constants = (ca.SX.sym(name, system.numel_in(k)) for k, name in enumerate("sYc"))
     solution = [_constant(start) for start in ca.vertsplit(state)]
-    for series, rate in zip(solution, carried(system, solution, constants), strict=True):
+    both = ca.vertcat(*(ca.densify(f(s, state, constants)) for f in (system, stops)))
+    # what the stops share with the rates is expanded once
+    function = ca.Function("both", [s, state, constants], [ca.cse(both)])
+    results = carried(function, solution, constants)
+    for series, rate in zip(solution, results[: len(solution)], strict=True):
         series.term = _integral(rate)
-    levels = carried(stops, solution, constants)
+    levels = results[len(solution) :]
     for k in range(order + 1):  # in order, so that no recurrence goes deep
         for series in (*solution, *levels):
             series[k]

@@ -11,7 +11,7 @@ import copy
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import casadi as ca
@@ -65,7 +65,10 @@ class Taylor:
         """What to call it in a message."""
         return "Taylor (heyoka)"
 
-    def compile(self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0) -> TaylorFlow:  # noqa: ARG002  of a series all states tell
+    def compile(
+        self, system: ca.Function, stops: ca.Function | None = None, *, watching: int = 0,  # noqa: ARG002  of a series all states tell
+        at_ends: tuple[int, ...] = (),
+    ) -> TaylorFlow:  # fmt: skip
         """Lower ``system`` and ``stops``; CannotLower when they hold an operation that has no Taylor series.
 
         heyoka compiles what is called when it is first called. States that are ``watching`` are series like any other.
@@ -74,7 +77,9 @@ class Taylor:
 
         check_system(system)
         if stops is not None:
-            return TaylorFlow(self, system, TaylorEnsemble(system, stops, self.tolerance, self.ensemble_steps), hy)
+            return TaylorFlow(
+                self, system, TaylorEnsemble(system, stops, self.tolerance, self.ensemble_steps, at_ends), hy
+            )
         flow = TaylorFlow(self, system, None, hy)
         _ = flow.equations  # raises CannotLower
         return flow
@@ -93,7 +98,10 @@ class TaylorFlow:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled code stays in its process: what is sent is compiled anew, to the same numbers, when it is called."""
-        return self.engine.compile, (self.system, None if self.stops is None else self.stops.stops)
+        stops = self.stops
+        if stops is None:
+            return self.engine.compile, (self.system,)
+        return partial(self.engine.compile, at_ends=stops.at_ends), (self.system, stops.stops)
 
     @cached_property
     def equations(self) -> list[tuple[Any, Any]]:

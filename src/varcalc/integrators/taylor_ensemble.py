@@ -85,11 +85,12 @@ class TaylorEnsemble:
     stops: ca.Function
     tolerance: float
     most_steps: int
+    at_ends: tuple[int, ...] = ()
     step: TaylorStep = field(init=False, repr=False)
     _call: VectorisedStep = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self.step = TaylorStep(self.system, self.stops, self.tolerance)
+        self.step = TaylorStep(self.system, self.stops, self.tolerance, self.at_ends)
         self._call = VectorisedStep(self.step.function)
 
     def run(

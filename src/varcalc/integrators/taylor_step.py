@@ -7,6 +7,8 @@ never over a zero of a stopping function unless it can be certain that there
 is one only: where on [0, h] the higher terms are too small to bring the
 function to zero, there is none, and where they are too small to turn its
 slope, one at most. Steps are made shorter until one of the two is certain.
+Of a floor, to which a solution sinks slowly, it is asked at the ends of steps
+alone whether one has gone below it: that costs a tenth of it.
 """
 
 from __future__ import annotations
@@ -43,10 +45,14 @@ GAP = 8
 """Terms of a series that may be nothing one after another."""
 GRAZE = 1e-9
 """A stop that leaves no more of a step than this touches the solution, and is passed over."""
+LARGEST = 1e300
+"""A ratio above that is as good as infinite, of which no step is left."""
 NO_SIGN = 4 * float(np.finfo(float).eps)
 """Of a stopping function: what says nothing of its sign."""
 THROUGH = 1e-3
 """Of the time in which the state changes by its own size: so far on both sides of a stop its sign is told."""
+NEAR_TERMS = 6
+"""Of the series, that tell there to round-off."""
 STOP_STEPS = 4
 """Newton's steps, kept inside a bracket, to the zero of a stopping function."""
 LAST_CORRECTION = 1e-6
@@ -55,7 +61,7 @@ LAST_CORRECTION = 1e-6
 
 @dataclass(frozen=True)
 class TaylorStep:
-    """The ``function`` of travellers for a ``system`` with its ``stops``.
+    """The ``function`` of travellers for a ``system`` with its ``stops``, floors where they are ``at_ends``.
 
     It takes a traveller (``rows``,) to where the step leaves it, with one number more: what the step came to.
     """
@@ -63,6 +69,7 @@ class TaylorStep:
     system: ca.Function
     stops: ca.Function
     tolerance: float
+    at_ends: tuple[int, ...] = ()
     function: ca.Function = field(init=False)
 
     def __post_init__(self) -> None:
@@ -71,23 +78,26 @@ class TaylorStep:
         solution, levels, state, constants = solution_series(system, stops, order)
         time, bound, until, leaving = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("e"), ca.SX.sym("l", len(levels))
         # what stands on a stop is asked for its next zero: its own is divided out
-        ahead = [ca.if_else(leaving[j], ca.vertcat(level[1:], 0), level) for j, level in enumerate(levels)]
-        free, whole = _free_step(solution, time, until - time, self.tolerance * SERIES_SHARE)
-        graze = GRAZE * ca.fmin(free, whole)
-        longest = reduce(ca.fmin, [_told(level, whole) for level in levels], ca.fmin(bound, free))
+        looked_for = [j for j in range(len(levels)) if j not in self.at_ends]
+        ahead = [ca.if_else(leaving[j], ca.vertcat(levels[j][1:], 0), levels[j]) for j in looked_for]
+        known = [levels[j] for j in looked_for]
+        longest, natural = _longest(solution, known, time, bound, until - time, self.tolerance * SERIES_SHARE)
+        graze = GRAZE * natural
         length, certain = _allowed(ahead, longest, graze)
         length = ca.fmin(length, until - time)
-        natural = ca.fmin(free, whole)
         crossed = [_crossed(level, length, natural) for level in ahead]
-        number, zero, found = _zero(ahead, crossed, length)
+        number, zero, found = _zero(looked_for, ahead, crossed, length)
         doubtful = ca.logic_or(sum(crossed, ca.SX(0)) > 1, ca.logic_not(found))
         going = ca.logic_and(certain, ca.logic_not(ca.logic_and(doubtful, length > graze)))
         met = ca.logic_and(going, number >= 0)
         taken = ca.if_else(met, zero, length)
         end = ca.vertcat(*(_polynomial(series, taken) for series in solution))
-        end, shift = _settled(system, stops, end, constants, ca.if_else(met, number, -1), LAST_CORRECTION * length)
+        reached = ca.if_else(met, number, -1)
+        end, shift, over = _settled(system, stops, end, constants, reached, LAST_CORRECTION * length)
         lost = ca.logic_not(ca.logic_and(ca.norm_1(end) < np.inf, ca.logic_or(met, time + length > time)))
         there = ca.if_else(time + length >= until, ARRIVED, WENT)
+        for j in self.at_ends:
+            there = ca.if_else(ca.logic_and(over[j] <= 0, ca.logic_not(leaving[j])), MET + j, there)
         code = ca.if_else(lost, LOST, ca.if_else(met, MET + number, ca.if_else(going, there, SHORTER)))
         code = ca.if_else(bound < 0, -bound, code)
         moved = ca.logic_or(code == WENT, ca.logic_and(code >= ARRIVED, bound >= 0))
@@ -131,7 +141,12 @@ def _autonomous(function: ca.Function) -> ca.Function:
 
 
 def _polynomial(coefficients: Expression, h: Expression) -> Expression:
-    return ca.polyval(coefficients[::-1], h)
+    """By pairs, pairs of pairs and so on (Estrin's scheme), whose products need not wait for one another."""
+    terms = [coefficients[k] for k in range(coefficients.numel())]
+    while len(terms) > 1:
+        pairs = [terms[k] + terms[k + 1] * h for k in range(0, len(terms) - 1, 2)]
+        terms, h = pairs + terms[2 * len(pairs) :], h**2
+    return terms[0]
 
 
 def _slope(coefficients: Expression) -> Expression:
@@ -143,41 +158,51 @@ def _largest(columns: Sequence[Expression], k: int) -> Expression:
     return reduce(ca.fmax, (ca.fabs(column[k]) for column in columns))
 
 
-def _free_step(
-    solution: Sequence[Expression], time: Expression, left: Expression, share: float
-) -> tuple[Expression, Expression]:
-    """The step after which the last terms of the series are ``share`` of what the step changes, and a natural time.
+def _longest(
+    solution: Sequence[Expression], levels: Sequence[Expression], time: Expression, bound: Expression, left: Expression,
+    share: float,
+) -> tuple[Expression, Expression]:  # fmt: skip
+    """The longest step up to a ``bound`` that series allow, and a natural time, in which the state changes by its size.
 
-    That is the one in which the state changes by its own size. The measure is the change and not the state, which may
-    be at the origin of its coordinates, or very far from it.
+    The last terms of the solution are to be ``share`` of what the step changes. The measure is the change and not the
+    state, which may be at the origin of its coordinates, or very far from it. A stopping function may be told less far
+    than the solution: beside a straight line the distance from a point is no polynomial.
     """
     order = solution[0].numel() - 1
-    change = _largest(solution, 1)
-    # in logarithms: a power of one's own for every term would cost as much as the whole series
-    falls = {k: _logarithm(change) - _logarithm(_largest(solution, k)) for k in range(order - GAP, order + 1)}
+    change, room = _largest(solution, 1), ca.if_else(left < np.inf, left, 1.0)
+    size = time + _largest(solution, 0) / change
+    begun = size > 0  # at the origin, at the time 0, there is no size to go by
+    trial = ca.if_else(bound < np.inf, bound / LENGTHEN, ca.if_else(begun, size, room))
+    power = trial ** (order - 2)
+    last = _times_allowed(
+        ca.fmax(_largest(solution, order - 1), _largest(solution, order) * trial) * power / change, share
+    )
+    # from the terms before the last or from the last: a longer step by the lesser of both powers, as a shorter one
+    free = trial * ca.exp(-ca.fmax(last / (order - 2), last / (order - 1)))
+    whole = ca.if_else(begun, size, ca.fmin(free, room))
+    free = ca.fmin(free, UNBOUNDED * whole)
+    gap, power = ca.SX(0), free ** (order - GAP - 1)
     # a series may have gaps: of what is even in time every other term is nothing. Terms before the last two tell of
     # its radius too, and what grows less than others, such as a sine, gets k/order of it
-    radii = [np.log(order / k) + falls[k] / (k - 1) for k in range(order - GAP, order - 1)]
-    steps = [(np.log(share) + falls[k]) / (k - 1) for k in (order - 1, order)]
-    free = ca.exp(reduce(ca.fmin, [*steps, reduce(ca.fmin, radii) + np.log(share) / (order - 1)]))
-    whole = time + _largest(solution, 0) / change
-    # at the origin, at the time 0, there is no size to go by
-    whole = ca.if_else(whole > 0, whole, ca.fmin(free, ca.if_else(left < np.inf, left, 1.0)))
-    return ca.fmin(free, UNBOUNDED * whole), whole
+    for k in range(order - GAP, order - 1):
+        weight = (k / order * share ** (-1 / (order - 1))) ** (k - 1)
+        gap, power = ca.fmax(gap, weight * _largest(solution, k) * power), power * free
+    beyond = ca.fmax(0.0, _times_allowed(gap / change, 1.0) / (order - GAP - 1))
+    longest = ca.fmin(bound, free)
+    power = longest ** (order - 1)
+    told = [ca.fmax(ca.fabs(level[order - 1]), ca.fabs(level[order]) * longest) * power / _size(level, whole)
+            for level in levels]  # fmt: skip
+    if told:
+        beyond = ca.fmax(beyond, _times_allowed(reduce(ca.fmax, told), LEVEL_SHARE) / (order - 1))
+    return longest * ca.exp(-beyond), ca.fmin(free, whole)
 
 
-def _told(level: Expression, whole: Expression) -> Expression:
-    """The step up to which the series of a stopping function tells it, beside what it changes by in the time ``whole``.
+def _times_allowed(value: Expression, allowed: float) -> Expression:
+    """The logarithm of how many times a value is what is allowed.
 
-    The solution may be told much farther: beside a straight line the distance from a point is no polynomial.
+    In logarithms, and few of them: a power of one's own for every term would cost as much as the whole series.
     """
-    order, size = level.numel() - 1, _logarithm(_size(level, whole))
-    told = [(np.log(LEVEL_SHARE) + size - _logarithm(ca.fabs(level[k]))) / k for k in (order - 1, order)]
-    return ca.exp(reduce(ca.fmin, told))
-
-
-def _logarithm(size: Expression) -> Expression:
-    return ca.log(size + np.finfo(float).tiny)
+    return ca.log(ca.fmin(ca.fmax(np.finfo(float).tiny, value / allowed), LARGEST))
 
 
 def _allowed(levels: Sequence[Expression], longest: Expression, graze: Expression) -> tuple[Expression, Expression]:
@@ -212,7 +237,8 @@ def _crossed(level: Expression, h: Expression, natural: Expression) -> Expressio
     sign: where it is touched it is not crossed.
     """
     end, far = _polynomial(level, h), THROUGH * natural
-    through = _polynomial(level, far) * _polynomial(level, -far) < 0
+    near = level[:NEAR_TERMS]
+    through = _polynomial(near, far) * _polynomial(near, -far) < 0
     told = ca.fabs(end - level[0]) > NO_SIGN * _size(level, natural)
     return ca.logic_and(ca.logic_and(level[0] != 0, level[0] * end <= 0), ca.logic_or(told, through))
 
@@ -223,15 +249,17 @@ def _size(level: Expression, whole: Expression) -> Expression:
 
 
 def _zero(
-    levels: Sequence[Expression], crossed: Sequence[Expression], h: Expression
+    numbers: Sequence[int], levels: Sequence[Expression], crossed: Sequence[Expression], h: Expression
 ) -> tuple[Expression, Expression, Expression]:
     """The number of the function that is ``crossed``, -1 where none is, its zero on [0, h], and whether that is exact.
 
     Newton's iteration, with bisection where it would leave the bracket.
     """
-    number, level = ca.SX(-1), ca.SX(0)
-    for j, one in reversed(list(enumerate(levels))):  # of stops at one place the first counts
-        number, level = ca.if_else(crossed[j], j, number), ca.if_else(crossed[j], one, level)
+    if not levels:
+        return ca.SX(-1), h, ca.SX(1)
+    number, level = ca.if_else(crossed[-1], numbers[-1], -1), levels[-1]
+    for j, one, here in reversed(list(zip(numbers[:-1], levels, crossed, strict=False))):
+        number, level = ca.if_else(here, j, number), ca.if_else(here, one, level)  # of stops at one place the first
     slope = _slope(level)
     low, high, at, step = ca.SX(0), h, h * level[0] / (level[0] - _polynomial(level, h)), ca.SX(0)
     for _ in range(STOP_STEPS):
@@ -248,8 +276,8 @@ def _zero(
 def _settled(
     system: ca.Function, stops: ca.Function, there: Expression, constants: Expression, number: Expression,
     most: Expression,
-) -> tuple[Expression, Expression]:  # fmt: skip
-    """Y moved along its rate onto the stop itself, off which it is by round-off, and by how much in t."""
+) -> tuple[Expression, Expression, Expression]:  # fmt: skip
+    """Y moved along its rate onto the stop itself, off which it is by round-off, by how much in t, and all stops."""
     state, known = ca.SX.sym("Y", there.numel()), ca.SX.sym("c", constants.numel())
     rate, level = system(0, state, known), stops(0, state, known)
     results = [rate, level, ca.jtimes(level, state, rate)]
@@ -258,4 +286,4 @@ def _settled(
     for j in range(level.numel()):
         shift = ca.if_else(ca.logic_and(number == j, slope[j] != 0), -level[j] / slope[j], shift)
     shift = ca.if_else(ca.fabs(shift) <= most, shift, 0)  # farther it lies only where the stop is touched
-    return there + shift * rate, shift
+    return there + shift * rate, shift, level

@@ -16,6 +16,24 @@ from varcalc.optics.media.tabulated import Layers
 
 
 @dataclass(frozen=True)
+class Stops:
+    """Where rays stop: ``count`` functions ``levels`` of a state, ``constants`` in number and n² vanish there.
+
+    Those numbered ``at_ends`` are asked at the ends of steps alone, see
+    :meth:`varcalc.integrators.protocol.Engine.compile`, where the medium is in one piece: at the end of a piece a ray
+    that comes to rest only touches it, which a stop before it tells from crossing.
+    """
+
+    levels: Callable[[Expression, Expression, Expression], Expression]
+    count: int
+    constants: int
+    at_ends: tuple[int, ...] = ()
+
+
+NO_STOPS = Stops(lambda _, __, ___: ca.SX(0, 1), 0, 0)
+
+
+@dataclass(frozen=True)
 class Force:
     """n² (a scalar), ∇n²/2 (d,) and the latter's derivative along a deviation, as expressions of a position."""
 

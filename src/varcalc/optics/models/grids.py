@@ -6,7 +6,7 @@ next cell with its neighbours, which come there at another σ: where n² has a k
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -16,7 +16,7 @@ from varcalc import integrators
 from varcalc.integrators import Flow, Landing
 from varcalc.integrators.protocol import NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression
-from varcalc.optics.models.equations import Force, ray_rates
+from varcalc.optics.models.equations import Force, Stops, ray_rates
 from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.grids import OnGrid
@@ -51,26 +51,23 @@ def _force(grid: OnGrid) -> Force:
 
 @dataclass
 class GridFlow:
-    """A flow through the cells of a ``grid``; ``stops`` are the caller's, of states and so many ``constants``."""
+    """A flow through the cells of a ``grid``; ``stops`` are the caller's."""
 
     grid: OnGrid
     dimension: int
     neighbours: int
-    stops: Callable[[Expression, Expression], Expression]
-    constants: int
-    _own: int = field(init=False)
+    stops: Stops
     _flow: Flow = field(init=False)
 
     def __post_init__(self) -> None:
         d, grid, position = self.dimension, self.grid, self.grid.position
         s, momentum = ca.SX.sym("s"), ca.SX.sym("p", d)
         state = ca.vertcat(position, momentum, ca.SX.sym("Y", 1 + 2 * d * self.neighbours))
-        given, edges = ca.SX.sym("c", self.constants), ca.SX.sym("e", 2 * len(grid.edges))
+        given, edges = ca.SX.sym("c", self.stops.constants), ca.SX.sym("e", 2 * len(grid.edges))
         numbers, here = ca.vertcat(given, edges, grid.constants), _force(grid)
         rates = ca.Function("rays", [s, state, numbers], [ray_rates(here, state, d)])
         ends = [grid.arguments[k // 2] - edges[k] for k in range(edges.numel())]
-        own = ca.SX(self.stops(state, given))
-        self._own = int(own.numel())
+        own = ca.SX(self.stops.levels(state, given, here.squared))
         watched = ca.Function("stops", [s, state, numbers], [ca.vertcat(own, *ends)])
         self._flow = integrators.for_many().compile(rates, watched)
         across = ca.jacobian(grid.arguments, position)
@@ -119,7 +116,7 @@ class GridFlow:
                 yield numbers
                 for on in np.unique(standing[alive], axis=0):
                     some = alive[np.all(standing[alive] == on, axis=1)]
-                    edges = tuple(int(k) + self._own for k in np.flatnonzero(on))
+                    edges = tuple(int(k) + self.stops.count for k in np.flatnonzero(on))
                     landing = self._flow.ensemble(
                         ends.states[some], np.column_stack([constants[some], numbers[some]]),
                         until=np.maximum(last[some] - ends.reached[some], 0.0), leaving=(*leaving, *edges),
@@ -183,10 +180,10 @@ class GridFlow:
 
     def _handed_on(self, ends: Landing, cells: np.ndarray, standing: np.ndarray, alive: np.ndarray) -> np.ndarray:
         """Put the rays that have come to an edge into the next cell; those of ``alive`` that go on."""
-        at = alive[(ends.outcomes[alive] == STOPPED) & (ends.stopped_by[alive] >= self._own)]
+        at = alive[(ends.outcomes[alive] == STOPPED) & (ends.stopped_by[alive] >= self.stops.count)]
         if len(at) == 0:
             return at
-        number, one = ends.stopped_by[at] - self._own, np.arange(len(at))
+        number, one = ends.stopped_by[at] - self.stops.count, np.arange(len(at))
         k, side = number // 2, number % 2
         before = cells[at].copy()
         arguments, speed = self._told(ends.states[at])
@@ -206,7 +203,7 @@ class GridFlow:
         counts = np.array([len(edges) - 1 for edges in self.grid.edges])
         inside = np.all((cells[rows] >= 0) & (cells[rows] < counts), axis=1)
         finite = np.all(np.isfinite(ends.states[rows]), axis=1)
-        ends.outcomes[rows[~inside]], ends.stopped_by[rows[~inside]] = STOPPED, self._own
+        ends.outcomes[rows[~inside]], ends.stopped_by[rows[~inside]] = STOPPED, self.stops.count
         ends.outcomes[rows[~finite]] = NOT_FINITE
         ends.outcomes[rows[inside & finite]] = TOO_MANY_STEPS
         return rows[inside & finite]

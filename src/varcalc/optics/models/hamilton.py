@@ -23,7 +23,7 @@ from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, RunOutcome
 from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression, Field, Medium, looking_up, switching
 from varcalc.optics.media.tabulated import Layers
-from varcalc.optics.models.equations import force_of, ray_rates, ray_system
+from varcalc.optics.models.equations import NO_STOPS, Stops, force_of, ray_rates, ray_system
 from varcalc.optics.models.grids import GridFlow
 from varcalc.optics.models.jumps import jumping, layers_of
 from varcalc.optics.models.model import Carrier, Model
@@ -69,31 +69,31 @@ def compile_rays(
     layers: Layers | OnGrid | None,
     dimension: int,
     neighbours: int,
-    stops: Callable[[Expression, Expression], Expression],
-    constants: int,
+    stops: Stops,
 ) -> RayFlow:
-    """Compile the rays of ``medium`` with ``stops``, of the state and so many ``constants``.
+    """Compile the rays of ``medium`` with ``stops``.
 
     In ``layers`` there is one stop more, the last: the ray has left them. Where n² has kinks or jumps they end runs.
     """
     d = dimension
     if isinstance(layers, OnGrid):
-        return GridFlow(layers, d, neighbours, stops, constants)
+        return GridFlow(layers, d, neighbours, stops)
     if layers is None and switching(medium, d):
-        return SwitchedFlow(medium, d, neighbours, stops, constants)
+        return SwitchedFlow(medium, d, neighbours, stops)
     s, state = ca.SX.sym("s"), ca.SX.sym("Y", 2 * d + 1 + 2 * d * neighbours)
     own = layers.constants(np.zeros(1, dtype=int)).shape[1] if layers else 0
-    numbers = ca.SX.sym("c", constants + own)
+    numbers = ca.SX.sym("c", stops.constants + own)
     if layers:
-        layer, height = numbers[constants:], state[d - 1]
+        layer, height = numbers[stops.constants :], state[d - 1]
         ends = ca.vertcat(height - layer[0], height - layer[1])
     else:
         layer, ends = ca.SX(0, 1), ca.SX(0, 1)
     here = force_of(medium, layers, state[:d], layer)
     rates = ca.Function("rays", [s, state, numbers], [ray_rates(here, state, d)])
-    levels = ca.vertcat(stops(state, numbers[:constants]), ends)
-    flow = integrators.for_many().compile(rates, ca.Function("stops", [s, state, numbers], [levels]))
-    return LayeredFlow(flow, layers, d, levels.numel() - 2) if layers else flow
+    levels = ca.vertcat(stops.levels(state, numbers[: stops.constants], here.squared), ends)
+    watched = ca.Function("stops", [s, state, numbers], [levels])
+    flow = integrators.for_many().compile(rates, watched, at_ends=() if layers else stops.at_ends)
+    return LayeredFlow(flow, layers, d, stops.count) if layers else flow
 
 
 @dataclass(frozen=True)
@@ -437,9 +437,9 @@ class HamiltonRays:
 
     def _timed(self, neighbours: int) -> Flow | GridFlow | SwitchedFlow:
         if self._grid is not None:
-            return GridFlow(self._grid, self.dimension, neighbours, lambda state, constants: ca.SX(0, 1), 0)
+            return GridFlow(self._grid, self.dimension, neighbours, NO_STOPS)
         if self._layers is None and self._pieced:
-            return SwitchedFlow(self.medium, self.dimension, neighbours, lambda state, constants: ca.SX(0, 1), 0)
+            return SwitchedFlow(self.medium, self.dimension, neighbours, NO_STOPS)
         return integrators.for_many().compile(ray_system(self.medium, self.dimension, neighbours))
 
     @cached_property
@@ -489,7 +489,7 @@ class HamiltonRays:
         return Field(self.medium, self.dimension)
 
     def stopped_flow(self, neighbours: int, limited: bool) -> RayFlow:
-        """The compiled system; its last stops are where |p|² is its last constant, and the limit of the optical path.
+        """The compiled system; its last stops are where n² is its last constant, and the limit of the optical path.
 
         Or, in place of the limit, a sphere far away.
         """
@@ -499,15 +499,16 @@ class HamiltonRays:
             return self._stopped_flows[neighbours, limited]
 
     def _compiled(self, neighbours: int, limited: bool) -> RayFlow:
-        d = self.dimension
+        d, dark = self.dimension, len(self.surfaces)
 
-        def stops(state: Expression, constants: Expression) -> Expression:
+        def levels(state: Expression, constants: Expression, squared: Expression) -> Expression:
             """What vanishes where a ray ends: the surfaces' levels, where it is dark and how far it is followed."""
-            levels, bound = [surface.surface.level(state[:d]) for surface in self.surfaces], constants[0]
+            here, bound = [surface.surface.level(state[:d]) for surface in self.surfaces], constants[0]
             end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
-            return ca.vertcat(*levels, ca.sumsqr(state[d : 2 * d]) - constants[1], end)
+            return ca.vertcat(*here, squared - constants[1], end)
 
-        return compile_rays(self.medium, self._layers or self._grid, d, neighbours, stops, 2)
+        stops = Stops(levels, dark + 2, 2, at_ends=(dark,))  # rays come to where it is dark in the limit alone
+        return compile_rays(self.medium, self._layers or self._grid, d, neighbours, stops)
 
 
 def _up_to(path: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from varcalc import integrators
 from varcalc.integrators import Flow, Landing
 from varcalc.integrators.protocol import NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression, Field, Medium
-from varcalc.optics.models.equations import force, ray_rates
+from varcalc.optics.models.equations import Stops, force, ray_rates
 from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.optics.rays.beam import at_surface, packed, unpacked
 from varcalc.optics.surfaces import Geometry, Surface
@@ -40,8 +40,6 @@ ON_END = 1e-13
 """Of its slope and the size of the scene: an argument so small is zero."""
 _ONE_AT_A_TIME = Lock()
 """Threads that need the same piece wait for the one that compiles it."""
-UserStops = Callable[[Expression, Expression], Expression]
-"""From a state and constants to the stopping functions that the caller asks for."""
 
 
 @dataclass(frozen=True)
@@ -115,13 +113,12 @@ class SmoothRuns:
 
 @dataclass
 class SwitchedFlow:
-    """A flow through the pieces of one ``medium``; ``stops`` are the caller's, of states and so many ``constants``."""
+    """A flow through the pieces of one ``medium``; ``stops`` are the caller's."""
 
     medium: Medium
     dimension: int
     neighbours: int
-    stops: UserStops
-    constants: int
+    stops: Stops
     _regions: dict[tuple[int, ...], Region] = field(default_factory=dict, init=False, repr=False)
     _kinds: dict[tuple[Hashable, tuple[float, ...]], Region] = field(default_factory=dict, init=False, repr=False)
     _seen: set[Hashable] = field(default_factory=set, init=False, repr=False)
@@ -133,12 +130,6 @@ class SwitchedFlow:
     @cached_property
     def _pieces(self) -> Sides:
         return Sides.of(ca.SX(self.medium.squared_index(self._position)), self._position)
-
-    @cached_property
-    def _own(self) -> int:
-        """How many stops are the caller's."""
-        state, numbers = (ca.SX.sym(name, size) for name, size in (("Y", self._size), ("c", self.constants)))
-        return int(ca.SX(self.stops(state, numbers)).numel())
 
     @property
     def _size(self) -> int:
@@ -212,11 +203,12 @@ class SwitchedFlow:
     def _compiled(self, piece: ExpressionOnSide, numbers: Expression) -> Region:
         """A piece in which ``numbers`` are symbols, with its rays to its ends."""
         d, position = self.dimension, self._position
-        s, state, constants = ca.SX.sym("s"), ca.SX.sym("Y", self._size), ca.SX.sym("c", self.constants)
+        s, state, constants = ca.SX.sym("s"), ca.SX.sym("Y", self._size), ca.SX.sym("c", self.stops.constants)
         medium = OnePiece(piece.expression, position)
-        rates = ray_rates(force(medium.squared_index(state[:d]), state[:d]), state, d)
+        here = force(medium.squared_index(state[:d]), state[:d])
+        rates = ray_rates(here, state, d)
         levels = [EndOfPiece(end, position).level(state[:d]) for end in piece.ends]
-        stops = ca.vertcat(self.stops(state, constants), *levels)
+        stops = ca.vertcat(self.stops.levels(state, constants, here.squared), *levels)
         given = [s, state, ca.vertcat(constants, numbers)]
         rays, ends = ca.Function("rays", given, [rates]), ca.Function("stops", given, [stops])
         surfaces = tuple(Geometry(EndOfPiece(end, position), d, numbers) for end in piece.ends)
@@ -248,9 +240,9 @@ class SwitchedFlow:
                 yield SmoothRuns(alive, sides[alive], begun, first, ends.states[alive])
                 following, going = sides.copy(), []
                 for region, rows in alike:
-                    here = rows[(ends.outcomes[rows] == STOPPED) & (ends.stopped_by[rows] >= self._own)]
-                    for end in np.unique(ends.stopped_by[here]) - self._own:
-                        going.append(here[ends.stopped_by[here] == end + self._own])
+                    here = rows[(ends.outcomes[rows] == STOPPED) & (ends.stopped_by[rows] >= self.stops.count)]
+                    for end in np.unique(ends.stopped_by[here]) - self.stops.count:
+                        going.append(here[ends.stopped_by[here] == end + self.stops.count])
                         self._cross(ends, following, region, int(end), going[-1], crossed)
                 alive, leaving, sides = np.concatenate([alive[:0], *going]), (), following
                 alive = alive[ends.outcomes[alive] != NOT_FINITE]
@@ -266,7 +258,7 @@ class SwitchedFlow:
         together: dict[tuple[int, tuple[int, ...]], list[tuple[Region, np.ndarray]]] = {}
         for region, rows in alike:
             for standing, some in _alike(self._on_ends(region, ends.states[rows]), rows):
-                on = tuple(int(k) + self._own for k in np.flatnonzero(standing))
+                on = tuple(int(k) + self.stops.count for k in np.flatnonzero(standing))
                 together.setdefault((id(region.flow), on), []).append((region, some))
         for (_, on), parts in together.items():
             some = np.concatenate([rows for _, rows in parts])
