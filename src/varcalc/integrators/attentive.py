@@ -279,11 +279,18 @@ class AttentiveFlow:
         """The numbers of runs that may have gone over something; of all together first, which is mostly enough."""
         taken = np.abs(landing.reached - start)
         ends = (start, states), (landing.reached, landing.states)
-        rates = [np.abs(self._rates(len(states), s[:, None], y, constants)) for s, y in ends]
+        rates, others = (self._rates(len(states), s[:, None], y, constants) for s, y in ends)
+        # in place: new arrays of this size are fetched from the system, and cleared
+        strayed = np.fmax(np.abs(rates, out=rates), np.abs(others, out=others), out=rates)
+        low, high = np.minimum(states, landing.states), np.maximum(states, landing.states)
         with np.errstate(all="ignore"):
-            strayed = (taken[:, None] * np.fmax(*rates) - np.abs(landing.states - states)) / 2
-        strayed = np.nan_to_num(np.maximum(strayed, 0.0), nan=np.inf)
-        low, high = np.minimum(states, landing.states) - strayed, np.maximum(states, landing.states) + strayed
+            strayed *= taken[:, None]
+            strayed -= np.subtract(high, low, out=others)
+            strayed /= 2
+        strayed[np.isnan(strayed)] = np.inf
+        np.maximum(strayed, 0.0, out=strayed)
+        low -= strayed
+        high += strayed
         times = np.sort(np.column_stack([start, landing.reached]), axis=1)
         all_times = np.array([[times[:, 0].min(), times[:, 1].max()]])
         alike = len(constants) > 0 and bool(np.all(constants == constants[:1]))

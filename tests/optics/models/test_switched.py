@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from varcalc import optics
-from varcalc.optics.models.equations import Stops
+from varcalc.optics.models.equations import RayStops
 from varcalc.optics.models.switched import SwitchedFlow
 
 MEDIA = {
@@ -156,7 +156,7 @@ def test_an_index_of_many_steps_is_compiled_once_and_has_the_rays_of_its_layers(
         assert crossed > 20
         np.testing.assert_allclose(bundle.points[k], there, rtol=1e-13)
     flow = SwitchedFlow(
-        optics.Graded(lambda x, y: 1.5 + 0.01 * ca.floor(x)), 2, 0, Stops(lambda state, _, __: state[4] - 60.0, 1, 0)
+        optics.Graded(lambda x, y: 1.5 + 0.01 * ca.floor(x)), 2, 0, RayStops(lambda state, _, __: state[4] - 60.0, 1, 0)
     )
     flow.ensemble(np.array([[0.5, 0.0, 1.2, 0.9, 0.0]]), np.empty((1, 0)))
     assert len(flow._regions) > 20
@@ -171,7 +171,7 @@ def test_tables_are_compiled_for_few_of_their_pieces_and_rays_go_from_one_to_the
     def index(x, y):
         return ca.sqrt(np.interp(y + 0.37 * x, heights, squared))
 
-    flow = SwitchedFlow(optics.Graded(index), 2, 0, Stops(lambda state, _, __: state[4] - 2.5, 1, 0))
+    flow = SwitchedFlow(optics.Graded(index), 2, 0, RayStops(lambda state, _, __: state[4] - 2.5, 1, 0))
     start, angle = np.array([-2.0, 0.1]), 0.9
     n = np.sqrt(np.interp(start[1] + 0.37 * start[0], heights, squared))
     p, across = n * np.array([np.cos(angle), np.sin(angle)]), np.array([0.37, 1.0])

@@ -16,7 +16,7 @@ from varcalc.optics.media.tabulated import Layers
 
 
 @dataclass(frozen=True)
-class Stops:
+class RayStops:
     """Where rays stop: ``count`` functions ``levels`` of a state, ``constants`` in number and n² vanish there.
 
     Those numbered ``at_ends`` are asked at the ends of steps alone, see
@@ -30,7 +30,7 @@ class Stops:
     at_ends: tuple[int, ...] = ()
 
 
-NO_STOPS = Stops(lambda _, __, ___: ca.SX(0, 1), 0, 0)
+NO_RAY_STOPS = RayStops(lambda _, __, ___: ca.SX(0, 1), 0, 0)
 
 
 @dataclass(frozen=True)

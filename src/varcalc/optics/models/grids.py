@@ -16,7 +16,7 @@ from varcalc import integrators
 from varcalc.integrators import Flow, Landing
 from varcalc.integrators.protocol import NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression
-from varcalc.optics.models.equations import Force, Stops, ray_rates
+from varcalc.optics.models.equations import Force, RayStops, ray_rates
 from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.grids import OnGrid
@@ -56,7 +56,7 @@ class GridFlow:
     grid: OnGrid
     dimension: int
     neighbours: int
-    stops: Stops
+    stops: RayStops
     _flow: Flow = field(init=False)
 
     def __post_init__(self) -> None:

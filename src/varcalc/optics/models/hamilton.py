@@ -23,7 +23,7 @@ from varcalc.integrators import NONE, OUTCOMES, Flow, Landing, RunOutcome
 from varcalc.integrators.protocol import COMPLETED, NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression, Field, Medium, looking_up, switching
 from varcalc.optics.media.tabulated import Layers
-from varcalc.optics.models.equations import NO_STOPS, Stops, force_of, ray_rates, ray_system
+from varcalc.optics.models.equations import NO_RAY_STOPS, RayStops, force_of, ray_rates, ray_system
 from varcalc.optics.models.grids import GridFlow
 from varcalc.optics.models.jumps import jumping, layers_of
 from varcalc.optics.models.model import Carrier, Model
@@ -69,7 +69,7 @@ def compile_rays(
     layers: Layers | OnGrid | None,
     dimension: int,
     neighbours: int,
-    stops: Stops,
+    stops: RayStops,
 ) -> RayFlow:
     """Compile the rays of ``medium`` with ``stops``.
 
@@ -437,9 +437,9 @@ class HamiltonRays:
 
     def _timed(self, neighbours: int) -> Flow | GridFlow | SwitchedFlow:
         if self._grid is not None:
-            return GridFlow(self._grid, self.dimension, neighbours, NO_STOPS)
+            return GridFlow(self._grid, self.dimension, neighbours, NO_RAY_STOPS)
         if self._layers is None and self._pieced:
-            return SwitchedFlow(self.medium, self.dimension, neighbours, NO_STOPS)
+            return SwitchedFlow(self.medium, self.dimension, neighbours, NO_RAY_STOPS)
         return integrators.for_many().compile(ray_system(self.medium, self.dimension, neighbours))
 
     @cached_property
@@ -507,7 +507,7 @@ class HamiltonRays:
             end = state[2 * d] - bound if limited else (ca.sumsqr(state[:d]) / bound**2 - 1) / 2
             return ca.vertcat(*here, squared - constants[1], end)
 
-        stops = Stops(levels, dark + 2, 2, at_ends=(dark,))  # rays come to where it is dark in the limit alone
+        stops = RayStops(levels, dark + 2, 2, at_ends=(dark,))  # rays come to where it is dark in the limit alone
         return compile_rays(self.medium, self._layers or self._grid, d, neighbours, stops)
 
 

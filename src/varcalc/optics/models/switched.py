@@ -19,7 +19,7 @@ from varcalc import integrators
 from varcalc.integrators import Flow, Landing
 from varcalc.integrators.protocol import NOT_FINITE, STOPPED, TOO_MANY_STEPS
 from varcalc.optics.media.medium import Expression, Field, Medium
-from varcalc.optics.models.equations import Stops, force, ray_rates
+from varcalc.optics.models.equations import RayStops, force, ray_rates
 from varcalc.optics.models.watch import UNWATCHED, Watch
 from varcalc.optics.rays.beam import at_surface, packed, unpacked
 from varcalc.optics.surfaces import Geometry, Surface
@@ -118,7 +118,7 @@ class SwitchedFlow:
     medium: Medium
     dimension: int
     neighbours: int
-    stops: Stops
+    stops: RayStops
     _regions: dict[tuple[int, ...], Region] = field(default_factory=dict, init=False, repr=False)
     _kinds: dict[tuple[Hashable, tuple[float, ...]], Region] = field(default_factory=dict, init=False, repr=False)
     _seen: set[Hashable] = field(default_factory=set, init=False, repr=False)
