@@ -26,7 +26,7 @@ Expression = Any
 Operation = Callable[[Expression, Expression | float], Expression]
 Term = Callable[[int], Expression]
 """The kth coefficient of a series, from those that are known when it is asked for."""
-PARALLEL = 2
+PARALLEL = 4
 """Running sums of a long sum: a processor adds as many at a time."""
 
 

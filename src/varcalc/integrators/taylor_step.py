@@ -210,24 +210,24 @@ def _allowed(levels: Sequence[Expression], longest: Expression, graze: Expressio
 
     What is no longer than ``graze`` is gone over.
     """
-    part = ca.SX(0)
+    part, doubts = ca.SX(0), [_doubts(level, longest) for level in levels]
     for share in reversed(SHRUNK):
-        part = ca.if_else(_certain(levels, longest * share), share, part)
+        doubtful = sum((ca.logic_and(a * share > 1, b * share > 1) for a, b in doubts), ca.SX(0))
+        part = ca.if_else(doubtful, part, share)
     touching = longest <= graze
     length = ca.if_else(touching, graze, ca.if_else(part > 0, part, 1.0) * longest)
     return length, ca.logic_or(touching, part > 0)
 
 
-def _certain(levels: Sequence[Expression], h: Expression) -> Expression:
-    """Whether each of the functions is known to have one zero at most on [0, h]; one that is no number has none."""
-    doubtful = ca.SX(0)
-    for level in levels:
-        size = ca.fabs(level)
-        steeper = _slope(size)
-        may_vanish = size[0] < _polynomial(size[1:], h) * h
-        may_turn = steeper[0] < _polynomial(steeper[1:], h) * h
-        doubtful = ca.logic_or(doubtful, ca.logic_and(may_vanish, may_turn))
-    return ca.logic_not(doubtful)
+def _doubts(level: Expression, h: Expression) -> tuple[Expression, Expression]:
+    """How large on [0, h] the higher terms of a function, and those of its slope, are beside the first.
+
+    Where one is less than 1 it has one zero at most; one that is no number has none. On a part of [0, h] both are less
+    by as much as the part is shorter, or more.
+    """
+    size = ca.fabs(level)
+    steeper = _slope(size)
+    return _polynomial(size[1:], h) * h / size[0], _polynomial(steeper[1:], h) * h / steeper[0]
 
 
 def _crossed(level: Expression, h: Expression, natural: Expression) -> Expression:
