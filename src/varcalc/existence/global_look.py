@@ -9,7 +9,7 @@ followed to its bottom by the direct method, and what that ends in counts by its
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
@@ -188,6 +188,7 @@ class _LookedAt:
     instead: str = ""
     levelled: bool = False
     unfollowed: bool = False
+    displaced: Solution | None = None
     alternating: Relaxed | None = None
 
     @property
@@ -255,7 +256,7 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: floa
             seen.walled = seen.walled or about.walled
         seen.pieces, seen.nodes = max(seen.pieces, about.pieces), max(seen.nodes, about.levels)
         seen.reach, seen.number = max(seen.reach, about.reach), seen.number + len(valleys)
-        lower = _lower_about(best, about, valleys, polish)
+        lower = _lower_about(best, about, valleys, polish) or _with_step_elsewhere(best, about, seen, polish)
         if lower is not None and not lower.local:
             return lower
         marked = marked or lower
@@ -564,13 +565,7 @@ def _lower_about(best: Solution, lattice: Lattice, valleys: list[Valley], polish
         return rivalled
     if (fallen := _fallen(best, lattice, valleys)) is not None:
         return fallen
-    if (found := _followed(best, lattice, valleys, (ROUGH, EXACT), polish)) is not None:
-        return found
-    for start in _displaced(best, lattice):
-        found = polish(FINE, start)
-        if found.status.ok and _is_lower(found.value, best, found.error.value, 0.0):
-            return found
-    return None
+    return _followed(best, lattice, valleys, (ROUGH, EXACT), polish)
 
 
 def _fallen(best: Solution, lattice: Lattice, valleys: list[Valley]) -> Solution | None:
@@ -682,9 +677,12 @@ def _by_moved_polygon(best: Solution, lattice: Valleys, valley: Valley, polish: 
     sign = best.problem.sign
     with np.errstate(all="ignore"):
         polygon = moved_on(lattice.landscape, valley)
-    if not polygon.value < sign * best.value + NEARLY * _size(lattice, valley):
+    start = lattice.landscape.along(polygon)
+    # next to the known curve, which its pieces draw from above, only what is lower says that there is another
+    nearly = NEARLY if _away(start, best, best.x) >= ONE_CURVE else 0.0
+    if not polygon.value < sign * best.value + nearly * _size(lattice, valley):
         return None
-    found = polish(IN_NARROW, lattice.landscape.along(polygon), polygon.marks)
+    found = polish(IN_NARROW, start, polygon.marks)
     if found.status.ok:
         return found if _is_lower(found.value, best, found.error.value, LOWER) else None
     return _by_polygon(best, lattice, polygon, followed=True)
@@ -718,23 +716,32 @@ def _marked(best: Solution, known: str) -> Solution:
 
 def _departure(solution: Solution, best: Solution) -> float:
     """How far a curve goes from the known one, in units of the larger extent; at rest, of the known ordinates."""
-    curves = best.curve, solution.curve
-    if curves[0] is None or curves[1] is None:
+    return math.inf if solution.curve is None else _away(_samples(solution), best, solution.x)
+
+
+def _away(other_curve: Sampled, best: Solution, x: np.ndarray) -> float:
+    """The same of a curve at abscissae from the least to the largest of ``x``."""
+    if best.curve is None:
         return math.inf
-    places = [np.linspace(s.x.min(), s.x.max(), DEPARTURE_PLACES) for s in (best, solution)]
-    own, other = curves[0](places[0], 0), curves[1](places[1], 0)
+    places = [np.linspace(abscissae.min(), abscissae.max(), DEPARTURE_PLACES) for abscissae in (best.x, x)]
+    own, other = best.curve(places[0], 0), other_curve(places[1])
     extent = max(float(np.ptp(rows, axis=1).max()) for rows in (own, other)) or float(np.abs(own).max())
     return float(np.abs(other - own).max()) / extent if extent > 0 else 0.0
 
 
-def _displaced(best: Solution, lattice: Lattice) -> Iterable[Sampled]:
-    """Lower curves with their step elsewhere, where most of the way the curve rests."""
+def _with_step_elsewhere(best: Solution, lattice: Lattice, seen: _LookedAt, polish: Polish) -> Solution | None:
+    """A lower solution with its step elsewhere, where most of the way the curve rests; None for none."""
     rises = np.sort(np.abs(np.diff(lattice.c)))
-    if rises[:-STEP_PIECES].sum() > AT_REST * rises.sum():
-        return ()
+    if seen.displaced is best or rises[:-STEP_PIECES].sum() > AT_REST * rises.sum():
+        return None
     from varcalc.existence.displaced import displaced  # few curves come to this
 
-    return displaced(best)
+    seen.displaced = best  # no other lattice shows more of it
+    for start in displaced(best):
+        found = polish(FINE, start)
+        if found.status.ok and _is_lower(found.value, best, found.error.value, 0.0):
+            return found
+    return None
 
 
 def _is_lower(value: float, best: Solution, error: float, share: float) -> bool:

@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
-import casadi as ca
 import numpy as np
 
 from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.directions import polygonal
 from varcalc.existence.held_throughout import Curve, held_throughout, let_go
 from varcalc.existence.in_pieces import FOLLOWED_TO, alike, breaking, corners, settled, summed_along
+from varcalc.existence.pointed import points_up
 from varcalc.existence.polygons import Valley
 from varcalc.existence.rests import along_jumps, with_rests
 from varcalc.existence.rounded import Rounded, ordinates_of, points_along, rounded, sizes_at
@@ -59,8 +59,6 @@ AT_REST = 1e-2
 """How near a kink a polygon comes that may rest on it, in units of how far from it it goes."""
 HALF_WAY, BESIDE_VALLEY = 3.0, 1e-9
 """How much more, in the same units, what is followed may be along a narrow valley than in the middle, and at least."""
-BESIDE_KINK = 1e-3
-"""Change of the highest derivative, in units of 1 and of its own, over which it is seen which way a kink points."""
 NODES = 49
 """Abscissae between which a rounded curve is looked at."""
 
@@ -166,7 +164,7 @@ def _met(problem: Problem, curve: Curve, nodes: np.ndarray, small: float, sizes:
     found = crossings(problem, curve, nodes, problem.unknown_guesses, small, sizes)
     found = _one_at_once(problem, curve, found)
     # on what points up no minimum stays
-    return [c for c in breaking(problem, found) if c.until is None or not _points_up(problem, curve, c)]
+    return [c for c in breaking(problem, found) if c.until is None or not points_up(problem, curve, c)]
 
 
 def _by_polygons(
@@ -305,7 +303,7 @@ def _least(
             return held
     # what turns where friction holds it comes to rest; kinks of the place alone are for corners that move
     kinks = [c for c in found if c.switch.depends_on(problem.symbols.highest) and not c.switch.jumps]
-    turning = any(not _points_up(problem, curve, c) for c in kinks)
+    turning = any(not points_up(problem, curve, c) for c in kinks)
     rests = turning or (found and any(problem.of_type(Bound))) or along_jumps(problem, curve)
     alone = riding and all(c.until is not None for c in found)
     ways = [with_rests, settled] if rests else [settled, with_rests] if alone else [settled] if found else []
@@ -342,31 +340,6 @@ def _distance(problem: Problem, curve: Curve, crossing: Crossing, x: float) -> f
     number = next(i for i, switch in enumerate(on_curve(problem)) if switch is crossing.switch)
     along = arguments_along(problem, curve, np.array([x]), problem.unknown_guesses)
     return abs(float(along[number, 0]) - crossing.level)
-
-
-def _points_up(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
-    """Whether the kink that a curve meets is one of the highest derivative at which L has a maximum."""
-    s = problem.symbols
-    if not crossing.switch.depends_on(s.highest):
-        return False
-    x = np.array([crossing.x if crossing.until is None else 0.5 * (crossing.x + crossing.until)])
-    derivatives = [curve(x, k)[:, 0] for k in range(1 + problem.order)]
-    lower, highest = derivatives[:-1], derivatives[-1]
-    switch = crossing.switch.argument - crossing.level
-    function = ca.Function("switch", s.all, [switch, ca.jacobian(switch, s.highest)])
-    bends = highest if problem.order == 2 else np.zeros(0)
-    at, rate = function(x, *derivatives[:2], bends, problem.parameter_values, problem.unknown_guesses)
-    rates = np.asarray(rate)[0]
-    size = float(rates @ rates)
-    if not size > 0.0:
-        return False
-    onto, along = highest - float(at) * rates / size, rates / np.sqrt(size)
-    step = BESIDE_KINK * max(1.0, float(np.abs(highest).max()))
-    beside = (onto + step * np.array([[-1.0], [0.0], [1.0]]) * along).T
-    points = [np.repeat(v[:, None], 3, axis=1) for v in lower] + [beside]
-    bent = points[2] if problem.order == 2 else None
-    left, here, right = problem.sign * problem.integrand_values(np.repeat(x, 3), points[0], points[1], ddy=bent)
-    return bool(left + right - 2 * here < 0.0)
 
 
 def with_what_switches(failure: Solution) -> Solution:

@@ -28,7 +28,7 @@ Parts = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Matrices of the elements, the border of the unknown numbers, the corner."""
 DENSE = 120
 """Unknowns up to which dense matrices are the faster ones."""
-SOFTEST = 6
+FIRST_ASKED, SOFTEST = 2, 6
 """Modes looked for in a mesh of many elements: a continuum of more directions is one of these as well."""
 NEARLY_SINGULAR = 1e-9
 """Generalised eigenvalues below this are symmetries (zero modes), not curvature."""
@@ -359,12 +359,16 @@ def softest(
 
     inverse = LinearOperator((size, size), matvec=inverted, dtype=float)
     start = inverted(np.asarray(leading.sum(axis=1)).ravel())
-    asked = min(SOFTEST, size - len(at.conditions) - 1)
-    try:
-        found = eigsh(hessian, asked, leading, -share, OPinv=inverse, v0=start)
-    except ArpackNoConvergence as stopped:  # those that are soft come first
-        found = stopped.eigenvalues, stopped.eigenvectors
-    soft = found[0] < share
+    most = size - len(at.conditions) - 1
+    # mostly one is soft: the others that are asked for lie close together, and take far longer
+    for asked in (min(FIRST_ASKED, most), min(SOFTEST, most)):
+        try:
+            found = eigsh(hessian, asked, leading, -share, OPinv=inverse, v0=start)
+        except ArpackNoConvergence as stopped:  # those that are soft come first
+            found = stopped.eigenvalues, stopped.eigenvectors
+        soft = found[0] < share
+        if np.count_nonzero(soft) < asked:
+            break
     return found[0][soft], found[1][:, soft], round_off(hessian, found[1][:, soft])
 
 
