@@ -77,11 +77,12 @@ def _of_place(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
     # where it is nearest to the kink: half way a curve may be in a valley beyond
     nearest = min(range(PLACES), key=lambda k: abs(across(way[k], ordinates[:, k])[0]))
     x, y, step = way[nearest], ordinates[:, nearest], BESIDE_PLACE * float(np.abs(ordinates).max())
+    off, along = across(x, y)
     for _ in range(STEPS_ONTO):
-        off, along = across(x, y)
         if not math.isfinite(off):
             return False
         y = y - off * along
+        off, along = across(x, y)
     if not abs(off) <= step / NEARER:
         return False
     symbols = problem.symbols.all
