@@ -23,7 +23,7 @@ BESIDE_PLACE, NEARER = 1e-8, 16.0
 """Of the largest ordinate: how far off a kink of the place that is seen, and how many times nearer again."""
 STILL_JUMPS = 4.0
 """What changes as much but for this factor so much nearer jumps; what is smooth changes less, by as much as that is."""
-PLACES, STEPS_ONTO = 33, 8
+PLACES_ALONG_KINK, STEPS_ONTO = 33, 8
 """Places along a curve from which Newton's steps may lead onto a kink, and how many steps."""
 
 
@@ -72,10 +72,10 @@ def _of_place(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
         size = float(np.linalg.norm(rates))
         return (at[0] / size, rates / size) if size > 0.0 else (math.inf, rates)
 
-    way = np.linspace(crossing.x, crossing.x if crossing.until is None else crossing.until, PLACES)
+    way = np.linspace(crossing.x, crossing.x if crossing.until is None else crossing.until, PLACES_ALONG_KINK)
     ordinates = curve(way, 0)
     # where it is nearest to the kink: half way a curve may be in a valley beyond
-    nearest = min(range(PLACES), key=lambda k: abs(across(way[k], ordinates[:, k])[0]))
+    nearest = min(range(PLACES_ALONG_KINK), key=lambda k: abs(across(way[k], ordinates[:, k])[0]))
     x, y, step = way[nearest], ordinates[:, nearest], BESIDE_PLACE * float(np.abs(ordinates).max())
     off, along = across(x, y)
     for _ in range(STEPS_ONTO):
