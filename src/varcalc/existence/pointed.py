@@ -19,7 +19,7 @@ from varcalc.problem.problem import Problem
 
 BESIDE_KINK = 1e-3
 """Change of the highest derivative, in units of 1 and of its own, over which it is seen which way a kink points."""
-BESIDE_PLACE, NEARER = 1e-8, 16.0
+BESIDE_PLACE, STILL_NEARER = 1e-8, 16.0
 """Of the largest ordinate: how far off a kink of the place that is seen, and how many times nearer again."""
 STILL_JUMPS = 4.0
 """What changes as much but for this factor so much nearer jumps; what is smooth changes less, by as much as that is."""
@@ -83,7 +83,7 @@ def _of_place(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
             return False
         y = y - off * along
         off, along = across(x, y)
-    if not abs(off) <= step / NEARER:
+    if not abs(off) <= step / STILL_NEARER:
         return False
     symbols = problem.symbols.all
     rates = [ca.jtimes(f, problem.symbols.y, ca.DM(along)) for f in integrals(problem).call(symbols)]
@@ -94,6 +94,6 @@ def _of_place(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
         after, before = (np.asarray(slope(x, y + side * along, *given(x)))[:, 0] for side in (off, -off))
         return after - before
 
-    far, near = jump(step), jump(step / NEARER)
+    far, near = jump(step), jump(step / STILL_NEARER)
     jumps = np.abs(near) * STILL_JUMPS > np.abs(far)
     return bool(jumps[0] and problem.sign * near[0] < 0 and not np.any(jumps[1:] & (near[1:] != 0)))
