@@ -147,6 +147,11 @@ class Departures:
         with np.errstate(all="ignore"):  # far out there is what overflows
             return self.least([(v, v) for v in self._columns(x, away, rates, turns)])
 
+    def known(self, x: np.ndarray, away: Rows, rates: Rows) -> np.ndarray:
+        """Where (m,) L and what is bounded or levelled are numbers, beyond bounds as well."""
+        with np.errstate(all="ignore"):
+            return np.all([np.isfinite(np.broadcast_to(v, x.shape)) for v in self._columns(x, away, rates)], axis=0)
+
     def _columns(self, x: np.ndarray, away: Rows, rates: Rows, turns: Rows | None = None) -> list[np.ndarray]:
         """L and what is bounded or levelled, as they are stated."""
         own, slopes, *bends = self._own(x)

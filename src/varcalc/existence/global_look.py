@@ -690,6 +690,8 @@ def _by_moved_polygon(best: Solution, lattice: Valleys, valley: Valley, polish: 
 
 def _by_polygon(best: Solution, lattice: Valleys, valley: Valley, *, followed: bool) -> Solution | None:
     """The known solution marked where a polygon is lower, whose value says nothing of what is lowest there."""
+    if not valley.value < best.problem.sign * best.value + NEARLY * _size(lattice, valley):
+        return None  # its sum to all digits takes far longer
     value, known = _along(lattice.landscape, valley), not math.isnan(valley.summed)
     if not _is_lower(value, best, 0.0, LOWER if known else SURELY_LOWER) or _goes_through_bounds(best, lattice, valley):
         return None

@@ -42,8 +42,14 @@ MESH_OF_VALLEY, FINER, CLOSEST_TO_TURN = 9, 8.0, 10
 """Points of the mesh for curves there, and by what factor it is finer, and how often, toward a turn."""
 FIRST_LINES = {1: 8, 2: 4, 3: 2}
 """How many of them are asked first, of so many functions, whether there is anything at all."""
-SHELLS = {1: 2.0 ** np.arange(-6, 6.25, 0.5), 2: 2.0 ** np.arange(-3, 6), 3: 4.0 ** np.arange(-1, 3)}
-"""Departures between which boxes lie, either way, of so many functions, in units of the larger of size and interval."""
+SHELLS = {
+    1: 2.0 ** np.concatenate([np.arange(-6, 6.25, 0.5), np.arange(7, 27)]),
+    2: np.concatenate([2.0 ** np.arange(-3, 6), 4.0 ** np.arange(3, 14)]),
+    3: np.concatenate([4.0 ** np.arange(-1, 3), 16.0 ** np.arange(2, 7)]),
+}
+"""Departures between which boxes lie, either way, of so many functions, in units of the larger of size and interval.
+
+They go on far beyond a lattice: the interval says nothing of heights where the two have unlike units."""
 LOWER_VALLEY, SHARE_TOLD = 1e-2, 1e-2
 """How much lower, relative to what is summed, a shifted curve has to be, and how nearly the lowest one is told: to
 that, or to a share of how much lower it is."""
@@ -280,8 +286,10 @@ def _boxes(departures: Departures, lines: np.ndarray) -> Boxes:
     hides = np.flatnonzero(over > 1.0)
     if len(hides):
         still = [np.zeros(len(hides))] * problem.n
-        values = [departures.values(x[hides], list(axes.T @ side[:, hides]), still) for side in (low, high)]
-        hides = hides[np.isfinite(values).all(0)]
+        known = [departures.known(x[hides], list(axes.T @ side[:, hides]), still) for side in (low, high)]
+        hides = hides[
+            np.all(known, axis=0)
+        ]  # of what is beyond a bound nothing need be left out: it costs infinitely much
     return low[:, hides], high[:, hides], number[hides]
 
 
