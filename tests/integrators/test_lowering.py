@@ -57,6 +57,10 @@ BINARY = {
     "and": lambda x, y: ca.logic_and(x > 0, y),
     "or": lambda x, y: ca.logic_or(x > 0, y > 0),
     "choice": lambda x, y: ca.if_else(x > y, x * y, ca.sin(x)),
+    "choice within a choice": lambda x, y: ca.if_else(
+        x > y, ca.if_else(y > 0, x, ca.sqrt(-y)), ca.if_else(x < 0, y, 3)
+    ),
+    "choices of which none is the other's": lambda x, y: ca.if_else(x > y, x, 0) + ca.if_else(x > 0, y, 0),
     "least": ca.fmin,
     "greatest": ca.fmax,
     "copysign": ca.copysign,

@@ -13,6 +13,8 @@ ORDER = 7
 FORMULAS = {
     "products": lambda y, z: y * z + y**2 - 2 * z + y**3 * z**4,
     "quotients": lambda y, z: y / z + 1 / y - (y + z) / (1 + y * z),
+    "multiples": lambda y, z: -2 * (3 * y) * (z / 4) + (2 * y) ** 2 / (-5 * z) - (y / 7) / 3 + (-y) ** 3,
+    "ratios by numerators": lambda y, z: (y / z) * y + z * (2 * z / (3 * y)) + (y / z) * (-y) * z,
     "roots": lambda y, z: ca.sqrt(y) + ca.hypot(y, z) - ca.sqrt(y * z),
     "powers": lambda y, z: y**2.5 + z**-3 + y**z,
     "exponentials": lambda y, z: ca.exp(-y) + ca.log(z) + ca.expm1(y) * ca.log1p(z),

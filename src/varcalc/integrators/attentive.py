@@ -34,6 +34,7 @@ from varcalc.symbolic.variation import (
     Rules,
     excess,
     gentle,
+    varied_by,
 )
 
 WIDE = 12.0
@@ -141,6 +142,18 @@ class AttentiveFlow:
     def _rates(self) -> PointEvaluator:
         return PointEvaluator(self.system)
 
+    @cached_property
+    def _narrowing(self) -> list[int]:
+        """The states on which it depends whether something narrow is met: where rays are, and not where they head."""
+        return varied_by(self.system, FROM_AFAR, 1)
+
+    @cached_property
+    def _narrowing_rates(self) -> PointEvaluator:
+        """The rates of those states alone."""
+        arguments = [ca.SX.sym(name, self.system.sparsity_in(k)) for k, name in enumerate("sYc")]
+        rates = ca.densify(self.system(*arguments))
+        return PointEvaluator(ca.Function("narrowing", arguments, [rates[self._narrowing]]))
+
     @property
     def _size(self) -> int:
         return self.system.numel_in(1)
@@ -151,19 +164,23 @@ class AttentiveFlow:
         return np.concatenate([states, np.zeros((*states.shape[:-1], extra))], axis=-1)
 
     def _wide(self, low: np.ndarray, high: np.ndarray, s: np.ndarray, constants: np.ndarray) -> np.ndarray:
-        """True (m,) for boxes of states (m, N) in which something narrow may be; ``s`` (m, 2), ``constants`` (m, c)."""
+        """True (m,) for boxes in which something narrow may be; ``s`` (m, 2), ``constants`` (m, c).
+
+        The sides ``low`` and ``high`` (m, k) are those of the states on which it depends.
+        """
 
         def sides(first: np.ndarray, last: np.ndarray) -> list[Between]:
             middles = ((a + b) / 2 for a, b in zip(first.T, last.T, strict=True))
             return [Between((a, b), middle, middle) for a, b, middle in zip(first.T, last.T, middles, strict=True)]
 
         with np.errstate(all="ignore"):
-            boxes = [sides(s[:, :1], s[:, 1:]), sides(low, high), sides(constants, constants)]
+            known = dict(zip(self._narrowing, sides(low, high), strict=True))
+            boxes = [sides(s[:, :1], s[:, 1:]), known, sides(constants, constants)]
             return ~(excess(self.system, boxes, (len(low),), FROM_AFAR) <= WIDE)
 
     def _wide_along(self, runs: Sequence[Run], constants: np.ndarray) -> np.ndarray:
         """True (m,) for runs where something narrow may be in the box of all places where they have been."""
-        been = [run.states[np.all(np.isfinite(run.states), axis=1)] for run in runs]
+        been = [run.states[np.all(np.isfinite(run.states), axis=1)][:, self._narrowing] for run in runs]
         low, high = np.array([places.min(0) for places in been]), np.array([places.max(0) for places in been])
         ends = np.sort([[run.abscissae[0], run.reached] for run in runs], axis=1)
         return self._wide(low, high, ends, np.reshape(constants, (1, -1)))
@@ -278,11 +295,12 @@ class AttentiveFlow:
     def _doubtful(self, states: np.ndarray, constants: np.ndarray, start: np.ndarray, landing: Landing) -> np.ndarray:
         """The numbers of runs that may have gone over something; of all together first, which is mostly enough."""
         taken = np.abs(landing.reached - start)
+        first, last = states[:, self._narrowing], landing.states[:, self._narrowing]
         ends = (start, states), (landing.reached, landing.states)
-        rates, others = (self._rates(len(states), s[:, None], y, constants) for s, y in ends)
+        rates, others = (self._narrowing_rates(len(states), s[:, None], y, constants) for s, y in ends)
         # in place: new arrays of this size are fetched from the system, and cleared
         strayed = np.fmax(np.abs(rates, out=rates), np.abs(others, out=others), out=rates)
-        low, high = np.minimum(states, landing.states), np.maximum(states, landing.states)
+        low, high = np.minimum(first, last), np.maximum(first, last)
         with np.errstate(all="ignore"):
             strayed *= taken[:, None]
             strayed -= np.subtract(high, low, out=others)

@@ -65,6 +65,36 @@ def _binary(hy: Any) -> dict[int, Callable[..., Expression]]:
     }
 
 
+class _Choices:
+    """What CasADi makes of ``if_else``, a sum of what is there if, and what is there unless, as one choice each.
+
+    Expressions are told apart by their addresses, so that all are kept.
+    """
+
+    def __init__(self, hy: Any) -> None:
+        self.hy = hy
+        self.kept: list[Expression] = []
+        self.denied: dict[int, Expression] = {}
+        self.given: dict[int, tuple[Expression, Expression]] = {}
+
+    def note(self, operation: int, operands: Sequence[Expression], found: Expression) -> None:
+        """Keep what an operation made of its operands, and that it denies one or gives one on a condition."""
+        self.kept += [*operands, found]
+        if operation == ca.OP_NOT:
+            self.denied[id(found)] = operands[0]
+        elif operation == ca.OP_IF_ELSE_ZERO:
+            self.given[id(found)] = operands[0], operands[1]
+
+    def made_of(self, summands: Sequence[Expression]) -> Expression | None:
+        """The choice that two summands are; None where they are none."""
+        if not all(id(summand) in self.given for summand in summands):
+            return None
+        (condition, first), (otherwise, last) = (self.given[id(summand)] for summand in summands)
+        if self.denied.get(id(otherwise)) is not condition:
+            return None
+        return self.hy.select(self.hy.neq(condition, self.hy.expression(0.0)), first, last)
+
+
 def scalar_function(system: ca.Function) -> ca.Function:
     """``system`` as an SX function; CannotLower when it holds what SX cannot express, such as interpolated data."""
     if system.is_a("SXFunction"):
@@ -90,6 +120,7 @@ def lower(system: ca.Function, arguments: list[list[Expression]]) -> list[Expres
     if system.get_free():
         raise CannotLower(f"the system has free symbols: {', '.join(system.get_free())}")
     table = _unary(hy) | _binary(hy)
+    choices = _Choices(hy)
 
     def apply(operation: int, operands: Sequence[Expression]) -> Expression:
         """An operation of heyoka; raises CannotLower for one that it has no series of."""
@@ -98,7 +129,10 @@ def lower(system: ca.Function, arguments: list[list[Expression]]) -> list[Expres
                 f"the system uses `{NAMES.get(operation, operation)}`, which has no Taylor series the engine knows; "
                 "use the Dop853 engine"
             )
-        return table[operation](*operands)
+        found = choices.made_of(operands) if operation == ca.OP_ADD else None
+        found = table[operation](*operands) if found is None else found
+        choices.note(operation, operands, found)
+        return found
 
     inputs = [[a[k] for k in _entries(system.sparsity_in(i))] for i, a in enumerate(arguments)]
     found = interpret(system, inputs, hy.expression, apply)[0]

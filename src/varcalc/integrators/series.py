@@ -32,10 +32,17 @@ PARALLEL = 4
 
 @dataclass(eq=False)
 class Series:
-    """A power series whose coefficients, those ``known``, are found one after the other by ``term``."""
+    """A power series whose coefficients, those ``known``, are found one after the other by ``term``.
+
+    One that is a number times another tells so by ``multiple``: what becomes of it is multiplied once, and not at every
+    operation on the way. One that is divided by another tells so by ``ratio``, one that is a ``number`` by that.
+    """
 
     term: Term
     known: list[Expression] = field(default_factory=list)
+    multiple: tuple[float, Series] | None = None
+    ratio: tuple[Series, Series] | None = None
+    number: float | None = None
 
     def __getitem__(self, k: int) -> Expression:
         while len(self.known) <= k:
@@ -100,7 +107,8 @@ def _apply(operation: int, operands: Sequence[Series]) -> Series:
 
 
 def _constant(value: Expression) -> Series:
-    return Series(lambda _: ca.SX(0), [ca.SX(value)])
+    value = ca.SX(value)
+    return Series(lambda _: ca.SX(0), [value], number=float(value) if value.is_constant() else None)
 
 
 def _convolved(a: Series, b: Series, k: int, terms: range, weight: Callable[[int], float] | None = None) -> Expression:
@@ -117,17 +125,37 @@ def _linear(a: Series, b: Series, sign: float) -> Series:
     return Series(lambda k: operation(a[k], b[k]))
 
 
+def _parts(a: Series) -> tuple[float, Series]:
+    """A number and a series, of which ``a`` is the product."""
+    return (1.0, a) if a.multiple is None else a.multiple
+
+
 def _scaled(a: Series, by: float) -> Series:
-    return Series(lambda k: _times(a[k], by))
+    number, whole = _parts(a)
+    by = number * by
+    if by == 0.0:
+        return _constant(0.0)
+    return whole if by == 1.0 else Series(lambda k: _times(whole[k], by), multiple=(by, whole))
 
 
 def _product(a: Series, b: Series) -> Series:
+    for one, other in ((a, b), (b, a)):
+        if one.number is not None:
+            return _scaled(other, one.number)
+    (first, a), (second, b) = _parts(a), _parts(b)
     if a is b:
-        return _square(a)
-    return Series(lambda k: _convolved(a, b, k, range(k + 1)))
+        return _scaled(_whole_square(a), first * second)
+    for one, other in ((a, b), (b, a)):
+        if one.ratio is not None and one.ratio[0] is other:  # b (b/v), of which derivatives are full, is b²/v
+            return _scaled(_whole_quotient(_whole_square(other), one.ratio[1]), first * second)
+    return _scaled(Series(lambda k: _convolved(a, b, k, range(k + 1))), first * second)
 
 
 def _square(a: Series) -> Series:
+    return _product(a, a)
+
+
+def _whole_square(a: Series) -> Series:
     def term(k: int) -> Expression:
         crossed = _times(_convolved(a, a, k, range((k + 1) // 2)), 2)
         return crossed if k % 2 else _plus(crossed, _times(a[k // 2], a[k // 2]))
@@ -136,16 +164,24 @@ def _square(a: Series) -> Series:
 
 
 def _quotient(a: Series, b: Series) -> Series:
+    if b.number:
+        return _scaled(a, 1 / b.number)
+    (first, a), (second, b) = _parts(a), _parts(b)
+    return _scaled(_whole_quotient(a, b), first / second)
+
+
+def _whole_quotient(a: Series, b: Series) -> Series:
     def term(k: int) -> Expression:
         return _times(_minus(a[k], _convolved(b, result, k, range(1, k + 1))), over)
 
     over = 1 / b[0]
-    result = Series(term)
+    result = Series(term, ratio=(a, b))
     return result
 
 
 def _integral(rate: Series) -> Term:
-    return lambda k: _times(rate[k - 1], 1 / k)
+    number, whole = _parts(rate)
+    return lambda k: _times(whole[k - 1], number / k)
 
 
 def _root(a: Series) -> Series:
@@ -186,9 +222,8 @@ def _power(a: Series, exponent: float) -> Series:
 
 
 def _to_power(a: Series, b: Series) -> Series:
-    exponent = ca.SX(b[0])
-    if exponent.is_constant() and all(b[k].is_zero() for k in (1, 2)):
-        return _power(a, float(exponent))
+    if b.number is not None:
+        return _power(a, b.number)
     return _exponential(_product(b, _logarithm(a)))
 
 

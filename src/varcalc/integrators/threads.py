@@ -28,7 +28,8 @@ def spread(
     the call before they are done.
     """
     threads = threads_for(count, smallest)
-    size = min(LARGEST_SHARE, max(1, -(-count // threads)))
+    rounds = -(-count // (threads * LARGEST_SHARE))
+    size = max(1, -(-count // (threads * max(1, rounds))))  # all of one size: a small rest may be carried another way
     parts = [slice(first, min(first + size, count)) for first in range(0, count, size)]
     if threads == 1:
         for part in parts:

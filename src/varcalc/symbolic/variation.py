@@ -113,12 +113,13 @@ def _divides(instruction: Instruction, kinds: Sequence[int]) -> bool:
 
 
 def excess(
-    function: ca.Function, boxes: Sequence[Sequence[Between]], shape: tuple[int, ...], rules: Rules
-) -> np.ndarray:
+    function: ca.Function, boxes: Sequence[Sequence[Between] | Mapping[int, Between]], shape: tuple[int, ...],
+    rules: Rules,
+) -> np.ndarray:  # fmt: skip
     """By what factor the worst operation of an SX function may go too far between samples; at most 1 where none does.
 
-    ``boxes`` hold the nonzeros of each argument, arrays that broadcast to ``shape``. Operations without one of the
-    ``rules`` count as gentle.
+    ``boxes`` hold the nonzeros of each argument, or those it is ``varied_by``, arrays that broadcast to ``shape``.
+    Operations without one of the ``rules`` count as gentle.
     """
     worst, work = np.zeros(shape), dict[int, Between]()
     with np.errstate(all="ignore"):
@@ -149,6 +150,12 @@ def _leading_to(function: ca.Function, operations: frozenset[int]) -> tuple[Inst
             if i.operation != ca.OP_INPUT:
                 used.update(i.sources)
     return tuple(reversed(kept))
+
+
+def varied_by(function: ca.Function, rules: Rules, argument: int) -> list[int]:
+    """The nonzeros of one ``argument`` of an SX function that its operations with one of the ``rules`` depend on."""
+    leading = _leading_to(function, frozenset(rules))
+    return sorted({i.sources[1] for i in leading if i.operation == ca.OP_INPUT and i.sources[0] == argument})
 
 
 def _carried_out(operation: int, operands: Sequence[Between]) -> Between:

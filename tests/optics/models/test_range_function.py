@@ -177,16 +177,27 @@ def test_a_rod_has_all_its_rays_to_the_edge():
     assert rays.unresolved == 0
 
 
-def test_a_linear_ionosphere_gives_back_one_ray_beside_the_level_one():
-    # n = 1 below 80, n^2 with the slope -k above: 2 (80 cot a + sin 2a / k) along the layers
-    k = 0.01
-    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(ca.if_else(y < 80, 1.0, 1 - k * (y - 80)))))
-    rays = scene.rays((0, 0), (700.0, 0))
+@pytest.mark.parametrize(("h", "k", "far"), [(80.0, 0.01, 700.0), (1.0, 0.3, 8.0), (1.0, 0.3, 20.0)])
+@pytest.mark.parametrize(
+    "index",
+    [
+        lambda y, h, k: ca.sqrt(ca.if_else(y < h, 1.0, 1 - k * (y - h))),
+        lambda y, h, k: ca.if_else(y < h, 1.0, ca.sqrt(1 - k * (y - h))),
+        lambda y, h, k: 2 * ca.if_else(y > h, -ca.sqrt(1 - k * (y - h)), -1) / -2,
+        lambda y, h, k: ca.sqrt(1 - k * ca.fmax(y - h, 0)),
+    ],
+    ids=["root of a choice", "choice of a root", "multiple of a choice", "root of a greatest"],
+)
+def test_a_linear_ionosphere_gives_back_its_rays_beside_the_level_one(index, h, k, far):
+    # n = 1 below h, n^2 with the slope -k above: 2 (h cot a + sin 2a / k) along the layers
+    scene = optics.Scene(optics.Stratified(lambda y: index(y, h, k)))
+    rays = scene.rays((0, 0), (far, 0))
     angle = np.linspace(0.02, math.pi / 2 - 1e-6, 400_001)
-    distance = 2 * (80 / np.tan(angle) + np.sin(2 * angle) / k)
-    skies = np.count_nonzero(np.diff(np.sign(distance - 700.0)))
+    distance = 2 * (h / np.tan(angle) + np.sin(2 * angle) / k)
+    skies = np.count_nonzero(np.diff(np.sign(distance - far)))
     assert len(rays) == 1 + skies
-    assert rays[0].optical_path == pytest.approx(700.0, rel=1e-12)
+    assert rays.unresolved == 0
+    assert rays[0].optical_path == pytest.approx(far, rel=1e-12)
 
 
 @pytest.mark.parametrize("width", [1e-1, 1e-3, 1e-4])

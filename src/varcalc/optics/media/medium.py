@@ -281,27 +281,42 @@ class Graded(Brief, _Parametric):
 
 
 def squared(value: Expression) -> Expression:
-    """The square of an SX scalar, without the roots among its factors."""
+    """The square of an SX scalar, without the roots among its factors, also of one that is chosen by a condition."""
     value = ca.SX(value)
     if not _has_root(value):
         return value**2
     if value.is_op(ca.OP_SQRT):
         return value.dep(0)
-    if value.is_op(ca.OP_NEG):
-        return squared(value.dep(0))
-    first, second = squared(value.dep(0)), squared(value.dep(1))
+    if value.is_op(ca.OP_IF_ELSE_ZERO):
+        return ca.if_else(value.dep(0), squared(value.dep(1)), 0)
+    first = squared(value.dep(0))
+    if value.is_op(ca.OP_NEG) or value.is_op(ca.OP_TWICE):
+        return first if value.is_op(ca.OP_NEG) else 4 * first
+    second = squared(value.dep(1))
+    if value.is_op(ca.OP_ADD):  # of two of which one is zero
+        return first + second
     return first * second if value.is_op(ca.OP_MUL) else first / second
 
 
 def _has_root(value: Expression) -> bool:
-    """Whether one of the factors of an SX scalar is a square root."""
+    """Whether one of the factors of an SX scalar is a square root, or what is chosen by a condition has one."""
     if value.is_constant() or value.is_symbolic():
         return False
-    if value.is_op(ca.OP_NEG):
+    if value.is_op(ca.OP_NEG) or value.is_op(ca.OP_TWICE):
         return _has_root(value.dep(0))
-    if value.is_op(ca.OP_MUL) or value.is_op(ca.OP_DIV):
+    if value.is_op(ca.OP_IF_ELSE_ZERO):
+        return _has_root(value.dep(1))
+    if value.is_op(ca.OP_MUL) or value.is_op(ca.OP_DIV) or _one_of_two(value):
         return _has_root(value.dep(0)) or _has_root(value.dep(1))
     return bool(value.is_op(ca.OP_SQRT))
+
+
+def _one_of_two(value: Expression) -> bool:
+    """Whether an SX scalar is what CasADi makes of ``if_else``: a sum of what is there if, and what is there unless."""
+    if not (value.is_op(ca.OP_ADD) and all(value.dep(k).is_op(ca.OP_IF_ELSE_ZERO) for k in (0, 1))):
+        return False
+    first, second = (value.dep(k).dep(0) for k in (0, 1))
+    return any(b.is_op(ca.OP_NOT) and ca.is_equal(b.dep(0), a, 4) for a, b in ((first, second), (second, first)))
 
 
 def switching(medium: Medium, dimension: int) -> bool:
