@@ -66,9 +66,9 @@ def verified(problem):
     ("name", "prepared", "most"),
     [
         ("solve, a plain problem", lambda: solved(film()), 40),
-        ("solve, a singular end", lambda: solved(descent()), 40),
+        ("solve, a singular end", lambda: solved(descent()), 36),
         ("verify", lambda: verified(film()), 42),
-        ("rays", rays, 49),
+        ("rays", rays, 42),
     ],
 )
 def test_the_way_is_short(name, prepared, most):

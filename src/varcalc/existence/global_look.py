@@ -37,7 +37,13 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breakable, integrals
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
-from varcalc.problem.convexity import proved_jointly_convex, proved_quadratic, proved_with_levels
+from varcalc.problem.convexity import (
+    IN_ANOTHER_ORDINATE,
+    proved_in_another_ordinate,
+    proved_jointly_convex,
+    proved_quadratic,
+    proved_with_levels,
+)
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import PROVED, Solution
@@ -129,15 +135,8 @@ def looked_around(solution: Solution, beside: Callable[[Solution], Polish], tol:
     else it is only told of.
     """
     problem = solution.problem
-    if proved_jointly_convex(problem):
-        return replace(solution, searched=f"{PROVED} in the curve and its slope: there is no other valley")
-    if proved_with_levels(problem, solution.multipliers):
-        return replace(solution, searched=f"{PROVED}{WITH_LEVELS}: there is no other valley")
-    if followed and proved_quadratic(problem):
-        return replace(solution, searched=f"{QUADRATIC}: there is one valley")
-    reason = _not_looked(problem)
-    if reason:
-        return replace(solution, searched=f"other valleys were not looked for: {reason}")
+    if sentence := _one_valley(solution, followed=followed) or _not_looked(problem):
+        return replace(solution, searched=sentence)
     best, seen = solution, _LookedAt()
     for _ in range(DESCENTS):
         graph, polish = _is_graph(problem), beside(best)
@@ -155,6 +154,18 @@ def looked_around(solution: Solution, beside: Callable[[Solution], Polish], tol:
     kind = "maximum" if problem.sign < 0 else "minimum"
     message = f"perhaps a local {kind} only: each of {DESCENTS} looks led to a lower curve, and there may be more"
     return replace(best, local=True, message=message, searched=seen.sentence)
+
+
+def _one_valley(solution: Solution, *, followed: bool) -> str:
+    """Why there is no other valley than the solution's, where that is proved."""
+    problem = solution.problem
+    if proved_jointly_convex(problem):
+        return f"{PROVED} in the curve and its slope: there is no other valley"
+    if proved_in_another_ordinate(problem):
+        return f"{PROVED} {IN_ANOTHER_ORDINATE}: there is no other valley"
+    if proved_with_levels(problem, solution.multipliers):
+        return f"{PROVED}{WITH_LEVELS}: there is no other valley"
+    return f"{QUADRATIC}: there is one valley" if followed and proved_quadratic(problem) else ""
 
 
 def _with_corners(best: Solution, tol: float, near: Relaxed | None) -> Solution | None:
@@ -795,10 +806,12 @@ def _is_graph(problem: Functional) -> bool:
 
 
 def _not_looked(problem: Functional) -> str:
-    """Why there is no lattice for a problem; empty where there is one."""
+    """That other valleys were not looked for, and why there is no lattice; empty where there is one."""
     if any(isinstance(c, Holonomic) for c in problem.constraints):
-        return "the curve is held to a surface"
-    return "" if _takes_columns(problem) else "what is stated holds an operation that NumPy has no form of"
+        return "other valleys were not looked for: the curve is held to a surface"
+    if _takes_columns(problem):
+        return ""
+    return "other valleys were not looked for: what is stated holds an operation that NumPy has no form of"
 
 
 def _takes_columns(problem: Functional) -> bool:

@@ -16,12 +16,15 @@ import casadi as ca
 from varcalc.problem.breaks import whole
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
 from varcalc.problem.functional import Functional, Traced
-from varcalc.problem.problem import Curve
-from varcalc.symbolic.convexity import Entry, Shape, shapes
+from varcalc.problem.problem import Curve, Problem
+from varcalc.symbolic.convexity import Entry, Shape, log_convex_where_positive, shapes
 from varcalc.symbolic.derived import derived
+from varcalc.symbolic.separation import separates
 
 SURELY_HELD = 1e-8
 """Multiplier of a level that surely has its sign."""
+IN_ANOTHER_ORDINATE = "in the ordinate z = ∫ f(y) dy and its slope, with L = f(y) h(y')"
+"""In what :func:`proved_in_another_ordinate` proves L convex."""
 
 
 def proved_jointly_convex(problem: Functional) -> bool:
@@ -65,6 +68,36 @@ def proved_with_levels(problem: Functional, multipliers: Sequence[Any]) -> bool:
     entries = [[problem.span], *curve, [*problem.parameters.values()], [None] * s.unknowns.numel()]
     ((shape,),) = shapes(ca.Function("L", s.all, [summed]), [list(row) for row in entries])
     return shape.concave if problem.maximise else shape.convex
+
+
+def proved_in_another_ordinate(problem: Functional) -> bool:
+    """Whether L = f(y) h(y'), h² = c + k y'² with c and k not negative, is proved convex in z = ∫ f dy and its slope.
+
+    There L² = c f² + k z'², and f is convex in z where its logarithm is convex in y, since f_zz = (ln f)_yy/f. So an
+    extremal is least of all curves: the brachistochrone, f = 1/√y (Troutman, "Variational Calculus and Optimal
+    Control", sect. 3.4), and rays in an index that is exponential in the height. Ends, waypoints and bounds that are
+    given by y are given by z. Where f grows beyond all bounds, as 1/y does, no curve gets past: it has no integral.
+    """
+    plain = isinstance(problem, Problem) and problem.n == problem.order == 1 and problem.symbols.kind is ca.SX
+    if not plain or problem.maximise or any(problem.slides) or problem.end_cost_expression is not None:
+        return False
+    if problem.symbols.unknowns.numel() or not all(_is_bound_of_place(problem, t) for t in problem.traced):
+        return False
+    return _proved_in_another_ordinate(problem, problem.span, tuple(problem.parameters.values()))
+
+
+@derived
+def _proved_in_another_ordinate(problem: Functional, span: tuple[float, float], values: tuple[float, ...]) -> bool:
+    """See :func:`proved_in_another_ordinate`."""
+    (at_rest,), *_ = shapes(whole(problem), [[span], [None], [0.0], [], [*values], []])
+    if not log_convex_where_positive(at_rest) or not separates(whole(problem), values):
+        return False
+    _, bounds, _ = _shapes(problem, span, values)
+    return all((low == -math.inf or b.concave) and (high == math.inf or b.convex) for (low, high), b in bounds)
+
+
+def _is_bound_of_place(problem: Functional, traced: Traced) -> bool:
+    return isinstance(traced.constraint, Bound) and not ca.depends_on(traced.expression, problem.symbols.dy)
 
 
 def _is_level(traced: Traced) -> bool:

@@ -326,7 +326,7 @@ def _power(a: Element, exponent: Element) -> Shape:
 def _powered(a: Shape, exponent: float) -> Shape:
     """A power of a shape, brought back to a power of what that is a power of."""
     whole = exponent == round(exponent)
-    unscaled, scale = a.unscaled or a, a.scale
+    unscaled, scale = _upright(a)
     if scale != 1.0 and not whole and not least(scale) >= 0:
         return _raised(a, exponent, False)
     squared = coefficient(ca.OP_SQ, scale) if exponent == 2.0 else None
@@ -340,6 +340,15 @@ def _powered(a: Shape, exponent: float) -> Shape:
     else:
         power = _raised(unscaled, exponent, False)
     return _scaled(power, factor)
+
+
+def _upright(a: Shape) -> tuple[Shape, Coefficient]:
+    """What a shape is a multiple of, and how many times that: of -1/y it is 1/(-y), once."""
+    unscaled, scale = a.unscaled or a, a.scale
+    if unscaled.base is None or unscaled.exponent % 2 != 1 or not greatest(scale) < 0:
+        return unscaled, scale
+    turned = _raised(_scaled(unscaled.base, -1.0), unscaled.exponent, unscaled.sided)
+    return turned, coefficient(ca.OP_NEG, scale)
 
 
 def _exact(operation: int, a: float, b: float) -> float:
@@ -426,7 +435,18 @@ def _exp(value: float) -> float:
 def _logarithm(a: Shape) -> Shape:
     if a.concave:
         return Shape(rest_convex=False, inside=a)
-    return Shape(rest_concave=False) if a.log_convex() else UNKNOWN
+    if a.log_convex():
+        return Shape(rest_concave=False)
+    unscaled, scale = _upright(a)
+    if unscaled.base is None or not (unscaled.sided or unscaled.exponent % 2 == 1) or not least(scale) > 0:
+        return UNKNOWN
+    of_base = _scaled(_logarithm(unscaled.base), unscaled.exponent)  # but for a number
+    return Shape(rest_convex=of_base.convex, rest_concave=of_base.concave)
+
+
+def log_convex_where_positive(a: Shape) -> bool:
+    """Whether the logarithm of what has a shape is proved convex where that is positive: 1/y is no number at 0."""
+    return _logarithm(a).convex
 
 
 def _logarithm_from_one(a: Shape) -> Shape:

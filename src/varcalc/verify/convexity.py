@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from varcalc.problem.convexity import proved_jointly_convex, proved_with_levels
+from varcalc.problem.convexity import (
+    IN_ANOTHER_ORDINATE,
+    proved_in_another_ordinate,
+    proved_jointly_convex,
+    proved_with_levels,
+)
 from varcalc.solution import Finding
 from varcalc.verify.candidate import Candidate
 from varcalc.verify.check import Check
@@ -20,13 +25,14 @@ class Convexity(Check[bool]):
     def measure(self, candidate: Candidate) -> bool:
         """Whether there is a proof, with the multipliers of the solution where levels are prescribed."""
         problem, multipliers = candidate.problem, candidate.solution.multipliers
-        return proved_jointly_convex(problem) or proved_with_levels(problem, multipliers)
+        whole = proved_jointly_convex(problem) or proved_in_another_ordinate(problem)
+        return whole or proved_with_levels(problem, multipliers)
 
     def findings(self, candidate: Candidate) -> Iterator[Finding]:
         """The proof, where there is one."""
         if candidate.measured(self):
             shape, best = ("concave", "greatest") if candidate.problem.maximise else ("convex", "least")
-            sentence = (
-                f"L is proved {shape} in the curve and its slope, so that an extremal is the {best} of all curves"
+            where = (
+                IN_ANOTHER_ORDINATE if proved_in_another_ordinate(candidate.problem) else "in the curve and its slope"
             )
-            yield Finding(None, sentence)
+            yield Finding(None, f"L is proved {shape} {where}, so that an extremal is the {best} of all curves")
