@@ -13,7 +13,7 @@ from varcalc.problem.convexity import proved_in_another_ordinate
 CONVEX = {
     "descent": (lambda y: 1 / np.sqrt(19.62 * y), lambda y, v: ca.sqrt((1 + v**2) / (19.62 * y))),
     "descent, downwards": (lambda y: 1 / np.sqrt(-2 * (y - 3)), lambda y, v: ca.sqrt((1 + v**2) / (-2 * (y - 3)))),
-    "half plane": (lambda y: 1 / y, lambda y, v: ca.sqrt(v * v + 1) / y),
+    "half plane": (lambda y: 1 / y, lambda y, v: ca.hypot(v, 1) / y),
     "falling index": (lambda y: 1.4 * np.exp(-0.7 * y), lambda y, v: 1.4 * ca.exp(-0.7 * y) * ca.sqrt(1 + v**2)),
     "power": (lambda y: y**-0.75, lambda y, v: 2 * ca.sqrt(1 + (3 * v) ** 2) * y**-0.75),
     "ball": (lambda y: 1 / (y * (5 - y)), lambda y, v: ca.sqrt(4 * v**2 + 3) / (y * (5 - y))),

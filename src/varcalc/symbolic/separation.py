@@ -118,6 +118,11 @@ def _slope_times(slope: _Slope, b: Element) -> Element:
     return None
 
 
+def _root_of_squares(a: Element, b: Element) -> Element:
+    squares = [o * o if isinstance(o, float) else _power(o, 2.0) for o in (a, b)]
+    return None if None in squares else _power(_sum(*squares), 0.5)
+
+
 def _power(a: Element, exponent: Element) -> Element:
     if isinstance(a, _Slope):
         return _times(a, a) if exponent == 2.0 else None
@@ -150,6 +155,7 @@ _RULES = {
     ca.OP_SQRT: lambda a, _: _power(a, 0.5),
     ca.OP_INV: lambda a, _: _power(a, -1.0),
     ca.OP_DIV: _over,
+    ca.OP_HYPOT: _root_of_squares,
     ca.OP_ADD: _sum,
     ca.OP_SUB: lambda a, b: _sum(a, _times(b, -1.0) if not isinstance(b, float) else -b),
 }
