@@ -84,7 +84,7 @@ def told_under_conditions(kind: str, number: int) -> tuple[str, str]:
     line = f"{solution.value:.9g}, claimed {solution.error.value:.0e}, {seen}"
     if broken := fault(given, solution):
         return "wrong", f"{line} {broken}"
-    room = max(10 * solution.error.value, SEEN_TO * max(1.0, abs(known)))
+    room = max(10 * solution.error.value, SEEN_TO * max(1.0, abs(known)), error)
     lower = given.sign * (solution.value - known) > room
     if lower and far:  # there may be no least value, and an answer is a minimum among the curves near it
         return "falling", line

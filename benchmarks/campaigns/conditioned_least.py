@@ -29,7 +29,7 @@ by makes it worse: a jump of L lies between points.
 KEPT = 1e-6
 """How nearly conditions are kept by what counts."""
 SHORTEST = 0.02
-"""Part of the interval that is left where its ends slide."""
+"""Part of the interval that is left at least where its ends slide."""
 FAR = 1e3
 """Ordinates that are as good as infinite."""
 
@@ -90,7 +90,8 @@ class _Mesh:
         along = [self._places_of(b) for b in given.bounds]
         rows_of = [(r, given.levels[k]) for k, r in enumerate(levels)] + list(zip(along, given.bounds, strict=True))
         zero = [(c, Range("", lambda x, y, v: 0, 0.0, 0.0)) for c in [*slid, *closed]]
-        both = [*zero, *rows_of]
+        ahead = (self._x1 - self._x0, Range("", lambda x, y, v: 0, SHORTEST * given.span, np.inf))
+        both = [*zero, ahead, *rows_of]
         self._low = np.concatenate([np.full(c.numel(), r.lower) for c, r in both] or [np.zeros(0)])
         self._high = np.concatenate([np.full(c.numel(), r.upper) for c, r in both] or [np.zeros(0)])
         unknown = ca.veccat(self._nodes, self._x0, self._x1)

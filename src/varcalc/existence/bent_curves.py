@@ -40,6 +40,8 @@ BENDING = np.linspace(0, 1, 33)
 """Places of that interval by which it is known how shapes bend."""
 SHAPES_WITHIN = 3, 1
 """How many of those: of one function, of each of several."""
+SHAPES_CLOSED = 2
+"""The same of a closed curve, besides the one that shifts it as a whole."""
 FAR_OUT, LINE_DOUBLINGS, LINES = 1e4, 6, 4
 """How far out, in units of the known curve, it is seen whether a line leads down for ever; doublings; lines."""
 BENT_MORE = 0.1
@@ -120,6 +122,8 @@ class BentAlong(AlongAxes):
         for axis, size in enumerate(sizes):
             free = ~self.kept(x)[[0, -1]][:, [axis, k + axis]].ravel()
             shapes = [*itertools.compress(AT_ENDS, free), *NONE_AT_ENDS[: SHAPES_WITHIN[k > 1]]]
+            if self.closed:
+                shapes = [np.poly1d([1.0]), *NONE_AT_ENDS[:SHAPES_CLOSED]]
             bends = np.array([shape.deriv(2)(BENDING) for shape in shapes])
             for shares in np.linalg.eigh(bends @ bends.T)[1].T:
                 shape = sum((c * shape for c, shape in zip(shares, shapes, strict=True)), np.poly1d([0]))

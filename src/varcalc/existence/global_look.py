@@ -319,7 +319,7 @@ def _at_other_places(
     problem = best.problem
     if not any(problem.slides):
         return None
-    from varcalc.existence.other_places import begun_at, drawn_within_bounds, looked_for, other_places  # few ends slide
+    from varcalc.existence.other_places import begun_at, drawn_is_admitted, looked_for, other_places  # few ends slide
 
     seen.places = looked_for(best)
     places = other_places(best)
@@ -332,7 +332,7 @@ def _at_other_places(
             if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
                 return replace(found, problem=problem)
         lower = _is_lower(problem.sign * place.value, best, 0.0, SURELY_LOWER)
-        if marked is None and lower and drawn_within_bounds(problem, place):
+        if marked is None and lower and drawn_is_admitted(problem, place):
             tried = LED_NOWHERE if polish is not None else "was not followed: solve by Ritz()"
             curve = f"a curve to another place of its {place.label} has the value {problem.sign * place.value:.6g}"
             marked = _marked(best, f"{curve}, and {tried}")

@@ -199,7 +199,10 @@ def in_box(
     starts = landscape.starts(x, levels, lambda: _in_their_directions(x, _axes(looked)[1], looked))
     if not len(starts):
         return None
-    starts[:, landscape.kept(x)] = 0.0  # where the known curve is all are
+    kept = landscape.kept(x)
+    if landscape.closed:  # what is closed elsewhere stays there, and moves between its ends
+        kept[[0, -1]] &= np.isin(x[[0, -1]], landscape.waypoints)[:, None]
+    starts[:, kept] = 0.0  # where the known curve is all are
     return landscape, x, starts, steps
 
 
