@@ -38,6 +38,11 @@ def proved_jointly_convex(problem: Functional) -> bool:
     return _proved(problem, problem.span, tuple(problem.parameters.values()))
 
 
+def proved_least(problem: Functional) -> bool:
+    """Whether an extremal is proved least of all curves, or greatest: L is convex in y, or in another ordinate."""
+    return proved_jointly_convex(problem) or proved_in_another_ordinate(problem)
+
+
 def end_cost_proved_convex(problem: Functional) -> bool:
     """Whether what the ends cost is proved convex in where the curve meets them, or concave, as the functional is made.
 

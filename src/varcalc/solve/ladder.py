@@ -32,7 +32,7 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.resampled import polynomials
 from varcalc.problem.breaks import breakable, kinks_at_ends, on_curve, switches_of
 from varcalc.problem.conditions import Bound, Isoperimetric, truth
-from varcalc.problem.convexity import proved_jointly_convex, proved_quadratic
+from varcalc.problem.convexity import proved_jointly_convex, proved_least, proved_quadratic
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.progress import Interrupted, Progress, telling
@@ -269,7 +269,7 @@ def reconsidered(solution: Solution, method: Method | None, tol: float) -> Solut
     Where no lattice shows other valleys, the problem is solved afresh.
     """
     problem = solution.problem
-    if proved_jointly_convex(problem):
+    if proved_least(problem):
         return solution
     if has_lattice(problem):
         followed = method is None or isinstance(method, Ritz)
@@ -448,7 +448,7 @@ def _guided(problem: Functional, guide: Method, tol: float, guess: Guess, told: 
         return None
     told(type(guide).__name__)
     extremal = _made_out(_attempt(problem, guide, tol, guess))
-    if not extremal.status.ok or proved_jointly_convex(problem):
+    if not extremal.status.ok or proved_least(problem):
         return extremal if extremal.status.ok else None
     solution = _on_its_mesh(problem, tol, extremal)
     if solution is None or not solution.status.ok:
@@ -714,7 +714,7 @@ def _beyond_doubt(solution: Solution, form: Form, candidates: Forms) -> Solution
         if found is not None:
             return refused(solution, found)
     # below the minimum of a convex functional there is no curve, and what seems lower is summed wrongly
-    if not candidates.singular or proved_jointly_convex(solution.problem) or (better := outdone(solution)) is None:
+    if not candidates.singular or proved_least(solution.problem) or (better := outdone(solution)) is None:
         return solution
     return refused(solution, better.finding(solution.value))
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from varcalc.existence.global_look import has_lattice
 from varcalc.methods.ritz.family import Answers
-from varcalc.problem.convexity import proved_jointly_convex
+from varcalc.problem.convexity import proved_least
 from varcalc.problem.functional import check_functional
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
@@ -175,7 +175,7 @@ class SweepRow:
         known = found[k].solution
         assert known is not None
         began = time.perf_counter()
-        if self.built and proved_jointly_convex(self.source.with_parameters(points[k])):
+        if self.built and proved_least(self.source.with_parameters(points[k])):
             return False
         solution = known()
         better = reconsidered(solution, self.method, self.tol)

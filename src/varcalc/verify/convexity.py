@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from varcalc.problem.convexity import (
     IN_ANOTHER_ORDINATE,
     proved_in_another_ordinate,
-    proved_jointly_convex,
+    proved_least,
     proved_with_levels,
 )
 from varcalc.solution import Finding
@@ -25,8 +25,7 @@ class Convexity(Check[bool]):
     def measure(self, candidate: Candidate) -> bool:
         """Whether there is a proof, with the multipliers of the solution where levels are prescribed."""
         problem, multipliers = candidate.problem, candidate.solution.multipliers
-        whole = proved_jointly_convex(problem) or proved_in_another_ordinate(problem)
-        return whole or proved_with_levels(problem, multipliers)
+        return proved_least(problem) or proved_with_levels(problem, multipliers)
 
     def findings(self, candidate: Candidate) -> Iterator[Finding]:
         """The proof, where there is one."""
