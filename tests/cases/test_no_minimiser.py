@@ -143,10 +143,3 @@ def test_where_a_curve_of_infinite_slope_attains_the_minimum_there_is_no_gap():
     assert solution.verdict is not vc.Verdict.GAP
     if solution.status.ok:
         assert abs(solution.value - 0.5) <= 10 * solution.error.value
-
-
-def test_a_singular_power_that_no_rung_can_do_with_is_refused():
-    """y^-0.8881 at y = 0: the curve's own coordinate is one of which x is about the power 60."""
-    problem = vc.Problem(lambda x, y, v: y**-0.8881 * ca.sqrt(1 + v**2), vc.Fixed(0, 0), vc.Fixed(2.5, 1))
-    with pytest.raises(vc.VariationalError):
-        vc.solve(problem)

@@ -3,6 +3,7 @@
 import math
 
 import casadi as ca
+import mpmath as mp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -92,3 +93,25 @@ def test_a_ray_in_an_exponential_index_is_least_of_all_curves():
     x = np.linspace(-0.5, 0.5, 11)
     exact = math.log(math.cos(0.5)) - np.log(np.cos(x))
     assert np.abs(solution.curve(x, 0)[0] - exact).max() <= solution.error.curve
+
+
+@pytest.mark.parametrize("a", [0.7, 0.8881, 0.95])
+def test_a_singular_power_is_followed_to_its_pole(a):
+    # y^-a/√(1 + y'²) is constant: with y = Y cos(f)^(1/a) and y' = tan f, dx = Y/a cos(f)^(1/a) df and the integrand
+    # Y^(1-a)/a cos(f)^(1/a - 2) df, from f = π/2 at the pole over the top to y = 1. At 0.9 x is about the power 60 of
+    # the curve's own coordinate
+    power = mp.mpf(str(a))
+
+    def over_the_top(exponent, last):
+        half = (exponent + 1) / 2
+        return (mp.beta(0.5, half) + mp.betainc(0.5, half, 0, mp.sin(last) ** 2)) / 2
+
+    def far(top):
+        return top / power * over_the_top(1 / power, mp.acos(top**-power))
+
+    with mp.workdps(30):
+        top = mp.findroot(lambda top: far(top) - 2.5, (1.05, 1.6), solver="anderson")
+        known = top ** (1 - power) / power * over_the_top(1 / power - 2, mp.acos(top**-power))
+    solution = vc.solve(vc.Problem(lambda x, y, v: y**-a * ca.sqrt(1 + v**2), vc.Fixed(0, 0), vc.Fixed(2.5, 1)))
+    assert abs(solution.value - known) <= solution.error.value
+    assert not solution.local

@@ -79,6 +79,7 @@ def _beside(problem: Problem, at_start: bool, leaves: Growth, ordinate: float | 
         """A curve y(x) in the coordinates of the form."""
 
         def pulled(at: np.ndarray) -> np.ndarray:
+            """The ordinate at places t of the form, in its unit there."""
             near = np.maximum(side * at, 1e-3)
             from_end = other[1] if ordinate is None else ordinate
             return (curve(here + inward * near**b) - from_end) / near**q + (from_end if unknown else 0.0)
