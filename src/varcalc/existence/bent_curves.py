@@ -120,10 +120,11 @@ class BentAlong(AlongAxes):
         """Departures of the whole interval of which one does not bend as another does, (m, K + 1, 2 k)."""
         found, k, t = [], len(self.axes), (x - x[0]) / (x[-1] - x[0])
         for axis, size in enumerate(sizes):
-            free = ~self.kept(x)[[0, -1]][:, [axis, k + axis]].ravel()
-            shapes = [*itertools.compress(AT_ENDS, free), *NONE_AT_ENDS[: SHAPES_WITHIN[k > 1]]]
             if self.closed:
                 shapes = [np.poly1d([1.0]), *NONE_AT_ENDS[:SHAPES_CLOSED]]
+            else:
+                free = ~self.kept(x)[[0, -1]][:, [axis, k + axis]].ravel()
+                shapes = [*itertools.compress(AT_ENDS, free), *NONE_AT_ENDS[: SHAPES_WITHIN[k > 1]]]
             bends = np.array([shape.deriv(2)(BENDING) for shape in shapes])
             for shares in np.linalg.eigh(bends @ bends.T)[1].T:
                 shape = sum((c * shape for c, shape in zip(shares, shapes, strict=True)), np.poly1d([0]))

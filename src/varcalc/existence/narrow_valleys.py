@@ -287,9 +287,8 @@ def _boxes(departures: Departures, lines: np.ndarray) -> Boxes:
     if len(hides):
         still = [np.zeros(len(hides))] * problem.n
         known = [departures.known(x[hides], list(axes.T @ side[:, hides]), still) for side in (low, high)]
-        hides = hides[
-            np.all(known, axis=0)
-        ]  # of what is beyond a bound nothing need be left out: it costs infinitely much
+        # of what is beyond a bound nothing need be left out: it costs infinitely much
+        hides = hides[np.all(known, axis=0)]
     return low[:, hides], high[:, hides], number[hides]
 
 

@@ -290,6 +290,7 @@ class _Drawn:
         a, b = (float(x) for x in ends[:, 0])
 
         def graph(x: np.ndarray) -> np.ndarray:
+            """The ordinates at x."""
             share = np.clip((np.atleast_1d(x) - a) / (b - a), 0.0, 1.0)
             bent = np.outer(away[0, 1:], 1 - share) + np.outer(away[1, 1:], share)
             return self._curve(first + share * (last - first), 0) + bent
