@@ -24,7 +24,7 @@ PROXY_DEGREE = 15
 """Of the series: about the cheapest for twelve digits, whatever the function."""
 PROXY_RESOLVED = 1e-11
 """Of a function's largest value in a panel: the last coefficients of a series that stands for it."""
-ENOUGH = PROXY_RESOLVED / 10
+ENOUGH = PROXY_RESOLVED / 2
 """How well values need be told for that."""
 FORETOLD = 10.0
 """By how many times that the series may be off at places that it has not seen."""
@@ -46,6 +46,8 @@ BESIDE = 0.1
 """Of a part: how far beside it a zero may turn out to be."""
 CLOSE, SUM_ROUND_OFF, NOISY = 1e-15, 4e-15, 0.25
 """Of a panel, of what is summed, and of the noise of that: a zero is not told more closely."""
+RATE_OFF, BENT = PROXY_RESOLVED * PROXY_DEGREE**2, PROXY_DEGREE**4 / 6
+"""Of what is summed: what the derivative of a series may be off, and half the second one at the most (Markov)."""
 IS_ZERO = 1e-9
 """Of what is summed: what is left of a combination at its zero, beside noise."""
 
@@ -417,7 +419,10 @@ class _Isolation:
             values[going] = self._true(row[going], at[going])
             rate = _summed(self.rate[row], at[:, None])[:, 0]
             left = np.where(done, 0.0, sign * values)
-            done[:] |= np.abs(values) <= np.maximum(flat, CLOSE * np.abs(rate))
+            with np.errstate(all="ignore"):
+                step = values / rate
+                after = self.size[row] * (RATE_OFF * np.abs(step) + BENT * step**2)
+            done[:] |= (np.abs(values) <= np.maximum(flat, CLOSE * np.abs(rate))) | (after <= flat)
             return left, sign * rate
 
         # a series with few digits may put a zero on the wrong side of where its panel was parted

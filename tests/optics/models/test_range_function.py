@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import pickle
 
 import casadi as ca
 import mpmath as mp
@@ -226,11 +227,25 @@ def test_narrow_wall_turns_level_rays_back_and_lets_steep_ones_through(width):
     # heights are rounded to 1e-16, which is much of a wall as thin as this
     assert ray.optical_path == pytest.approx(float(through), rel=max(1e-13, 1e-17 / width))
 
-    straight, mirrored = scene.rays((0, 0), (4.0, 0.2))
+    # along the middle, where n² is least, a ray rests as long as it must, and leaves to either side
+    slow = mp.sqrt(1 - mp.mpf(depth))
+
+    def climb(low, high):
+        places = [low, *(p for p in marks[1:-1] if low < p < high), high]
+        return mp.quad(lambda y: mp.sqrt(squared(y) - slow**2), places, method="gauss-legendre")
+
+    resting, straight, mirrored = scene.rays((0, 0), (4.0, 0.2))
+    assert resting.optical_path == pytest.approx(
+        float(4 * slow + climb(0, middle) + climb(0.2, middle)), abs=resting.error
+    )
     assert straight.optical_path == pytest.approx(math.hypot(4.0, 0.2), rel=1e-13)
     # a mirror at most four widths before the middle
     assert mirrored.optical_path == pytest.approx(math.hypot(4.0, 2 * middle - 0.2), abs=4 * width)
-    assert not list(scene.rays((0, 0), (4.0, 0.8)))  # too level to come through
+    [through] = scene.rays((0, 0), (4.0, 0.8))  # others are too level to come through
+    assert max(resting.error, through.error) < 1e-6
+    assert through.optical_path == pytest.approx(
+        float(4 * slow + climb(0, middle) + climb(middle, 0.8)), abs=through.error
+    )
 
 
 @pytest.mark.parametrize("fall", [0.03, 0.16, 1.0])
@@ -491,3 +506,66 @@ def test_few_angles_tell_all_rays(medium, source, target, most):
     rays = optics.Scene(medium).rays(source, target)
     assert rays.unresolved == 0
     assert int(rays.searched.split("(")[1].split(" looked at")[0]) <= most
+
+
+@pytest.mark.parametrize("distance", [30.0, 60.0, 200.0])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_ray_that_rests_along_a_layer_closer_than_angles_can_be_told_is_told(distance, dimension):
+    """n = cosh y: a ray from -0.5 to 0.7 is next to the one that stays on y = 0 for ever, by e^(-distance).
+
+    With n cos θ = c, 1 - c² = ε, it comes ∫ c dy / √(sinh² y + ε) far on an optical path ∫ cosh² y dy / √(sinh² y + ε).
+    """
+    ahead, across = [distance, *[0.0] * (dimension - 2)], [0.0] * (dimension - 1)
+    scene = optics.Scene(optics.Stratified(ca.cosh))
+    rays = scene.rays((*across, -0.5), (*ahead, 0.7))
+    assert rays.unresolved == 0
+    [ray] = rays
+    with mp.workdps(120):
+        # next to ε = 0 these elliptic integrals are logarithms, ∫ dy / √(sinh² y + ε) = ln(4 t / √ε) but for ε ln ε,
+        # t = tanh(y / 2) at the end
+        low, high = mp.tanh(mp.mpf("0.25")), mp.tanh(mp.mpf("0.35"))
+        root = 4 * mp.sqrt(low * high) * mp.exp(-mp.mpf(distance) / 2)
+        path = distance + (mp.cosh(mp.mpf("0.5")) - 1) + (mp.cosh(mp.mpf("0.7")) - 1)
+        # |dx/dc| = 2 c/ε, and dc = sinh y dθ; a neighbour comes as far apart as x does, times the sine at the end
+        spread = 2 / root**2 * mp.sinh(mp.mpf("0.5")) * mp.tanh(mp.mpf("0.7"))
+        spread *= 1 if dimension == 2 else distance * mp.cosh(mp.mpf("0.5"))
+    assert abs(ray.optical_path - float(path)) <= ray.error
+    assert ray.optical_path == pytest.approx(float(path), rel=1e-13)
+    assert ray.spreading == pytest.approx(float(spread), rel=1e-4)
+    assert ray.index == 0
+    np.testing.assert_allclose(ray.tangents[0][-1], math.tanh(0.5), rtol=1e-12)
+    np.testing.assert_allclose(ray.tangents[1][-1], math.tanh(0.7), rtol=1e-12)
+
+
+def test_a_ray_that_no_direction_leads_along_says_so_and_travels():
+    ray = optics.Scene(optics.Stratified(ca.cosh)).rays((0, -0.5), (60, 0.7))[0]
+    for asked in (lambda: ray.point(1.0), lambda: ray.conjugate_points, lambda: ray.derivatives, ray.certify):
+        with pytest.raises(ArithmeticError, match="cannot be followed"):
+            asked()
+    again = pickle.loads(pickle.dumps(ray))
+    assert (again.optical_path, again.spreading, again.legs) == (ray.optical_path, ray.spreading, ())
+
+
+def test_where_another_pair_looks_farther_up_nothing_is_left_unresolved():
+    """n² = 1 up to a height, and falls linearly above it: a ray that goes up and comes back is too long for one."""
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 - 0.215766 * ca.fmax(y - 1.80746, 0))))
+    source, ends = (0, 0.13813348520855126), [(4.30564975, 0.117853), (4.30564975, 0.33756128)]
+    for end, rays in zip(ends, scene.arrivals(source, ends, within=5.5973466768446475), strict=True):
+        assert rays.unresolved == 0
+        assert [ray.optical_path for ray in rays] == [pytest.approx(math.dist(source, end), rel=1e-12)]
+
+
+def test_rays_of_a_fish_eye_that_go_far_out_are_told():
+    """From (-0.1, 0.1) past the centre's side to all but the line on: great circles, by stereographic projection."""
+    a, b = np.array([-0.11160955842714877, 0.1084432163436751]), np.array([-0.9882909228734448, 0.9600743773399096])
+    within = 6 * math.pi
+    rays = optics.Scene(optics.fish_eye()).rays(a, b, within=within)
+    on_sphere = [np.append(2 * p, p @ p - 1) / (p @ p + 1) for p in (a, b)]
+    angle = math.atan2(np.linalg.norm(np.cross(*on_sphere)), np.dot(*on_sphere))
+    exact = sorted([angle + 2 * math.pi * k for k in range(3)] + [2 * math.pi * k - angle for k in range(1, 4)])
+    assert rays.unresolved == 0
+    np.testing.assert_allclose([ray.optical_path for ray in rays], exact, rtol=1e-13)
+    assert [ray.index for ray in rays] == [int(path / math.pi) for path in exact]
+    # on the sphere neighbours come apart as |sin|, and lengths in the plane are those of it over n
+    spreads = [abs(math.sin(path)) * (1 + b @ b) / 2 for path in exact]
+    np.testing.assert_allclose([ray.spreading for ray in rays], spreads, rtol=1e-7)

@@ -246,26 +246,30 @@ class TwoPoint:
             return launched(some.sources, known.headings[rows], index, neighbours=True)
 
         def carried(full: Propagator, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            """How some rays spread, and which of them miss their targets."""
+            """How some rays spread, and how far off their targets they come, of the way between the points."""
             end, some = full.through_all(started(rows), known.paths[rows])[1], ends.take(rows)
             off, apart = (np.linalg.norm(p - some.targets, axis=1) for p in (end.position, some.sources))
-            return spreading(end), ~(off <= CARRIED_WELL * apart)
+            return spreading(end), np.nan_to_num(off / apart, nan=np.inf)
 
         @cache
         def spread() -> np.ndarray:
             """How all rays spread (k,), found once."""
-            out, again = np.empty(len(known)), careful.copy()
-            if not np.all(careful):
-                rows = np.flatnonzero(~careful)
-                out[rows], again[rows] = carried(self.full, rows)
-            if np.any(again):
-                rows = np.flatnonzero(again)
-                out[rows] = carried(other().full, rows)[0]
-            return out
+            out, off = np.empty(len(known)), np.where(careful, np.inf, 0.0)
+            rows = np.flatnonzero(~careful)
+            if len(rows):
+                out[rows], off[rows] = carried(self.full, rows)
+            rows = np.flatnonzero(off > CARRIED_WELL)
+            if len(rows):
+                out[rows], off[rows] = carried(other().full, rows)
+            return np.where((off > MEETS) & np.isfinite(known.spreads), known.spreads, out)
 
         def followed(k: int) -> Sequence[Leg]:
             full = other().full if careful[k] else self.full
-            return full.followed(started(np.array([k])), float(known.paths[k]))[0]
+            legs = full.followed(started(np.array([k])), float(known.paths[k]))[0]
+            ended = [leg.at(np.array([leg.length])).position[0] for leg in legs[-1:]]
+            source, target = ends.sources[k], ends.targets[k]
+            met = [np.linalg.norm(end - target) <= MEETS * np.linalg.norm(target - source) for end in ended]
+            return legs if all(met) else ()
 
         def spread_of(k: int) -> float:
             return float(spread()[k])

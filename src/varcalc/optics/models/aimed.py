@@ -43,7 +43,9 @@ class Told(Rows):
 
     ``headings`` and ``arriving`` (k, d) are unit vectors along them at their ends, ``paths`` (k,) their optical paths,
     ``errors`` (k,) what these may be off, ``counts`` (k,) their conjugate points, and ``least`` (k,) is the cosine of
-    the angle to the layers at the first point: of the index there no less than so much is left where they turn.
+    the angle to the layers at the first point: of the index there no less than so much is left where they turn. Those
+    that do not meet their targets when they are carried spread as ``spreads`` (k,) says, by how they were found.
+    So much is known of those that are ``well`` told (k,) that they need not be carried.
     """
 
     question: np.ndarray
@@ -53,6 +55,8 @@ class Told(Rows):
     errors: np.ndarray
     counts: np.ndarray
     least: np.ndarray
+    spreads: np.ndarray
+    well: np.ndarray
 
 
 class Tell(Protocol):
@@ -78,15 +82,14 @@ class Aimed(Rows):
     noise: np.ndarray
     counts: np.ndarray
 
-    def carried(self, count: int, carry: Carry, careful: Carry | None) -> list[list[Ray]]:
-        """The rays of each of ``count`` questions but those that do not meet the point.
+    def carried(self, carry: Carry, careful: Carry | None) -> list[Ray | None]:
+        """The rays (k,), None for those that do not meet the point.
 
         A ray that misses the point as ``carry`` takes it, since it went far out where digits are lost, is taken there
         the ``careful`` way, if there is one.
         """
-        out: list[list[Ray]] = [[] for _ in range(count)]
         if len(self.question) == 0:
-            return out
+            return []
         built = carry(self.question, self.headings, self.paths, self.touching, self.counts)
         floor, miss = np.zeros(len(built)), np.array([miss for _, miss in built])
         again = np.flatnonzero((miss > CARRIED_WELL) & np.isfinite(miss) & (self.noise < TOLD))
@@ -98,10 +101,35 @@ class Aimed(Rows):
             )
             for k, own in zip(again, better, strict=True):
                 built[k] = own
-        for k, (ray, off) in enumerate(built):
-            if ray is not None and off <= MEETS:
-                # two routes to one number, in one stroke and along the ray; what went astray did so along it as well
-                apart = ERROR_MARGIN * abs(ray.optical_path - self.paths[k])
-                error = max(ray.error, floor[k], apart, max(off, READ) * self.paths[k])
-                out[self.question[k]].append(replace(ray, error=float(error)))
-        return [sorted(rays, key=lambda ray: ray.optical_path) for rays in out]
+        return [self._met(k, ray, off, float(floor[k])) for k, (ray, off) in enumerate(built)]
+
+    def _met(self, k: int, ray: Ray | None, off: float, floor: float) -> Ray | None:
+        """Ray ``k`` with what its optical path may be off, if it misses the point by no more than round-off."""
+        if ray is None or not off <= MEETS:
+            return None
+        # two routes to one number, in one stroke and along the ray; what went astray did so along it as well
+        apart = ERROR_MARGIN * abs(ray.optical_path - self.paths[k])
+        return replace(ray, error=float(max(ray.error, floor, apart, max(off, READ) * self.paths[k])))
+
+
+def met(
+    count: int, aimed: Aimed, told: Told | None, carry: Carry, careful: Carry | None, tell: Tell | None
+) -> list[list[Ray]]:
+    """The rays that meet the points of ``count`` questions, for each the shortest optical path first.
+
+    Those that are told well are not carried, and those that go astray when they are carried, far out or beside rays
+    that rest, are told if it is known what their optical paths may be off.
+    """
+    rays: list[list[Ray]] = [[] for _ in range(count)]
+    well = told.well if told is not None and tell is not None else np.zeros(len(aimed), dtype=bool)
+    others = np.flatnonzero(~well)
+    carried = aimed.take(others).carried(carry, careful)
+    for question, ray in zip(aimed.question[others], carried, strict=True):
+        if ray is not None:
+            rays[question].append(ray)
+    if told is not None and tell is not None:
+        missed = others[[ray is None for ray in carried]]
+        some = told.take(np.append(np.flatnonzero(well), missed[np.isfinite(told.errors[missed])]).astype(int))
+        for question, ray in zip(some.question, tell(some), strict=True):
+            rays[question].append(ray)
+    return [sorted(own, key=lambda ray: ray.optical_path) for own in rays]

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.optics.media.medium import Medium
-from varcalc.optics.models.aimed import Aimed, Carry, Tell
+from varcalc.optics.models.aimed import Aimed, Carry, Tell, met
 from varcalc.optics.models.linear import is_linear
 from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -53,7 +53,7 @@ class ConstantPull:
         tell: Tell | None = None,  # noqa: ARG002  to carry these rays is as cheap
     ) -> list[Rays]:  # fmt: skip
         """The rays from each point ``a`` (q, d) to ``b`` (q, d) up to an optical path ``within`` (q,)."""
-        carried = self._aimed(a, b, within).carried(len(a), carry, careful)
+        carried = met(len(a), self._aimed(a, b, within), None, carry, careful, None)
         known = "the two parabolas through both points, of a constant gradient of n²"
         known = known if np.any(self.pull) else "the straight line through both points, of a constant index"
         return [_answer(*own, known) for own in zip(carried, within, strict=True)]

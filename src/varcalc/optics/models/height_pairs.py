@@ -28,6 +28,8 @@ STAYS_LEVEL = 1e-15
 """Of g: where it changes by less over the distance, a ray that starts level stays so."""
 EPSILON = 2 * float(np.finfo(float).eps)
 """Round-off of g and of angles, relatively."""
+ONE_NODE = 16 * EPSILON
+"""Of their heights: nodes that differ by less are one place."""
 LIMIT_STEP = 1e-3
 """Of the way to the farthest place to which rays come: over so much of it is told how the slope of g changes."""
 TOLD_APART = 1e-4
@@ -152,7 +154,7 @@ class HeightPairs:
         number, last = np.arange(self.breaks.shape[1]), self.count[:, None] - 1
         dark = (number == last) & (self._variation[1] <= DARK)[:, None]
         rests = (number > 0) & (number < last) & ~self.mild
-        return (rests[..., None] & self._broken[2]) | dark[..., None]
+        return (rests[..., None] & self._broken[2][..., :LAYERS]) | dark[..., None]
 
     def noise(self, pair: np.ndarray, angles: np.ndarray, plain: np.ndarray | None = None) -> np.ndarray:
         """What round-off makes of S, U and D and their optical paths (m, 6) of pairs (m,) at angles (m,), relatively.
@@ -187,14 +189,23 @@ class HeightPairs:
         """At which breaks (p, b) the passages are smooth in the root of the angle from there: rays turn at stops."""
         return self._broken[1]
 
+    @property
+    def endless(self) -> np.ndarray:
+        """Which of S, U and D grow for ever towards breaks (p, b, 3): g has a smooth minimum where rays rest there."""
+        return self._broken[2][..., LAYERS:]
+
     @cached_property
     def _broken(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The breaks (p, b), whether they are mild, and which of S, U and D come to rest there (p, b, 3)."""
+        """The breaks (p, b), whether they are mild, and which of S, U and D come to rest there.
+
+        Last come, for each of these once more, those that do so for ever (p, b, 6).
+        """
         upper, lower = np.maximum(self.start, self.end), np.minimum(self.start, self.end)
         pair, node = self._rests()
         u = self.nodes.u[node]
         above, below, up = u >= upper[pair], u <= lower[pair], self.way[pair] > 0
         at_rest = np.stack([~above & ~below, np.where(up, above, below), np.where(up, below, above)], axis=1)
+        at_rest = np.column_stack([at_rest, at_rest & (self._lowest & ~self._stops)[node, None]])
         # the change of g is known to its own round-off, however small
         base = self.start[pair]
         gain, told = self.profile(base, self.nodes.u[node] - base).gain, self.nodes.g[node] - self.g[pair]
@@ -268,6 +279,15 @@ class HeightPairs:
         return np.isin(self.nodes.u, np.append(self.profile.stops, self.profile.jumps))
 
     @cached_property
+    def _lowest(self) -> np.ndarray:
+        """Which nodes are minima of g, between nodes that are told apart from them."""
+        u, g = self.nodes.u, self.nodes.g
+        room = ONE_NODE * np.abs(u)
+        before, after = np.searchsorted(u, u - room) - 1, np.searchsorted(u, u + room, side="right")
+        inner = (before >= 0) & (after < len(u))
+        return inner & (g[np.maximum(before, 0)] > g) & (g[np.minimum(after, len(u) - 1)] > g)
+
+    @cached_property
     def _own(self) -> np.ndarray:
         """The nodes, ascending, at which g turns or is less smooth."""
         return np.union1d(self.nodes.upwards.turns, np.flatnonzero(self._stops))
@@ -310,7 +330,7 @@ def _padded(
     row = row[first]
     number, count = 1 + np.arange(len(row)) - np.searchsorted(row, row), np.bincount(row, minlength=int(pair.max()) + 1)
     shape = len(count), int(count.max()) + 2
-    places, gentle, resting = np.full(shape, np.inf), np.zeros(shape, bool), np.zeros((*shape, LAYERS), bool)
+    places, gentle, resting = np.full(shape, np.inf), np.zeros(shape, bool), np.zeros((*shape, at_rest.shape[1]), bool)
     places[:, 0], places[np.arange(len(count)), count + 1] = 0.0, np.pi / 2
     places[row, number] = np.arcsin(np.sqrt(place[first]))
     gentle[row, number] = np.logical_and.reduceat(mild[order], first)

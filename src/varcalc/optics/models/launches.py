@@ -11,6 +11,7 @@ combination less the distance asked for is found (:mod:`varcalc.numerics.proxies
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 
@@ -22,6 +23,7 @@ from varcalc.optics.models.passage_tables import PassageTables, TabledPassages
 from varcalc.optics.models.passages import RayPassages
 from varcalc.optics.models.reduction import RayPotential
 from varcalc.optics.models.spread import BREAK_OFFSET, Spread
+from varcalc.optics.rays.beam import Rows
 
 MOST_WINDINGS = 64
 """Times about a centre, either way; rays that go round more often are not looked for."""
@@ -47,13 +49,22 @@ KINDS = ((0, 0), (1, 0), (0, 1), (1, 1))
 """Of rays: a and b."""
 CLEAR = 1e-5
 """Of the optical path: how much rays must spread to have their conjugate points counted by their turning points."""
-TOLD_WELL = 1e-12
-"""Of the optical path, and of the distance: rays that are told so well need not be carried."""
+TOLD, TOLD_WELL = 1e-6, 1e-12
+"""Of the optical path, and of the distance: how well rays are told that cannot be carried, and those that need not."""
 NEXT, GROWN = 0.02, 1e-6
 """A passage that grows so much, in units of the distance, over the last of the way to an angle grows for ever,"""
 STEADY, ENDLESS = 0.6, 0.9
 """and so much of what it grew before: to where g has a corner rays come in time, as the root of the angle, and beside
 several of them by no more than a geometric series has left."""
+LOGARITHMIC = 0.02
+"""Of how much a passage grows for each factor e: where it changes by less, passages grow as logarithms."""
+UNTOLD = 1e300
+"""A passage grows by no more, where nobody knows whether it grows for ever."""
+BEYOND_NUMBERS = 700.0
+"""Powers of e: beside a narrow wall, along which passages grow so slowly that it drowns in round-off, rays that rest
+for longer spread beyond what numbers tell, however slowly."""
+STEEPEST_RATE, SLOWEST = 1e300, 1e-300
+"""Of how distances change with the angle, and of how slowly passages grow: beyond what numbers tell."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +73,8 @@ class Launch:
 
     ``way`` is 1 or -1, the sense about a centre, and ``distance`` how far it comes along the layers; ``noise`` is what
     round-off of its angle makes of that. ``index`` counts the conjugate points in its plane, -1 where that is not
-    known; ``off`` is what the optical path may be off, infinite where the ray must be carried to tell.
+    known; ``off`` is what the optical path may be off, infinite where the ray must be carried to tell, and ``well``
+    says that it need not be. ``rate`` is by how much the distance changes with c.
     """
 
     c: float
@@ -75,6 +87,8 @@ class Launch:
     distance: float
     index: int
     off: float
+    well: bool
+    rate: float
 
 
 @dataclass(frozen=True)
@@ -92,6 +106,121 @@ class Launches:
     resting: int
     unresolved: int
     endless: bool
+
+
+@dataclass(frozen=True)
+class Reaching(Rows):
+    """Rays (k,) of the families ``names`` (k, 4) that come as far as is asked, by passages told at ``angles`` (k,).
+
+    They leave themselves at angles larger by ``turned`` (k,), their distances change with the angle at ``rates`` (k,),
+    and their optical paths are longer by ``gains`` (k,), which may be ``off`` (k,), than by those of the index along
+    the layer for the distance between. ``touching`` (k,) says that they touch a caustic where they arrive.
+    """
+
+    angles: np.ndarray
+    names: np.ndarray
+    rates: np.ndarray
+    touching: np.ndarray
+    turned: np.ndarray
+    gains: np.ndarray
+    off: np.ndarray
+
+    @classmethod
+    def there(cls, angles: np.ndarray, names: np.ndarray, rates: np.ndarray, touching: np.ndarray) -> Reaching:
+        """Those whose passages are told where they leave."""
+        return cls(angles, names, rates, touching, *np.zeros((3, len(angles))))
+
+
+@dataclass(frozen=True)
+class BesideRests:
+    """The places (k,) beside the angles at which rays of ``pair`` (k,) rest, as close as is told well.
+
+    They are on the ``side`` 1 or -1 (k,) of these, where rays leave at ``angle`` (k,), with du/dτ = ``climb`` (k,),
+    ``away`` (k,) from the one, and are ``here`` (k, COUNT). Nearer their passages may grow by as much ``more`` (k, 3):
+    for ever where that is infinite, by ``pace`` (k, 3) for each factor e if it is ``steady`` (k,). Optical paths may be
+    ``off`` (k, 3) beside what they are for their distances.
+    """
+
+    pair: np.ndarray
+    side: np.ndarray
+    angle: np.ndarray
+    climb: np.ndarray
+    away: np.ndarray
+    here: np.ndarray
+    more: np.ndarray
+    pace: np.ndarray
+    steady: np.ndarray
+    off: np.ndarray
+
+    @classmethod
+    def of(cls, spread: Spread) -> BesideRests:
+        """Those where passages grow."""
+        pair, number, way = cls._sides(spread)
+        places = 2.0 * number + np.outer([0.0, 1.0, 2.0], way) + np.outer([BREAK_OFFSET, 0.0, 0.0], np.sign(way))
+        here, beside, before = np.split(spread(np.tile(pair, 3), places.ravel()), 3)
+        last, earlier = here[:, :LAYERS] - beside[:, :LAYERS], beside[:, :LAYERS] - before[:, :LAYERS]
+        angles = np.stack([spread.angles(pair, place) for place in places])
+        away = np.abs(angles - spread.passages.breaks[pair, number])
+        with np.errstate(all="ignore"):
+            share = last / earlier
+            more = np.where((earlier > 0) & (share < ENDLESS), 2 * last * share / (1 - share), np.inf)
+            nearer = np.diff(np.log(away), axis=0)[..., None]
+            pace, before = last / nearer[0], earlier / nearer[1]
+            logarithmic = np.abs(pace - before) <= LOGARITHMIC * pace
+        endless = spread.passages.endless[pair, number]
+        growing = (last > GROWN * spread.distance[pair, None]) & ~(last <= STEADY * earlier)
+        more = np.where(endless | (growing & logarithmic), np.inf, np.where(growing, np.minimum(more, UNTOLD), 0.0))
+        growing |= endless
+        steady = np.all(~growing | logarithmic, axis=1)
+        pace = np.where(growing, np.maximum(pace, 0.0), 0.0)
+        side, root = np.sign(way), np.sqrt(spread.passages.g)[pair]
+        climb, c = root * np.sin(angles[0]), root * np.cos(angles)
+        # what paths are longer than by the index along the layer changes by the distances for each change of that index
+        with np.errstate(all="ignore"):
+            kept = [part[:, LAYERS:] - one[:, None] * part[:, :LAYERS] for part, one in ((here, c[0]), (beside, c[1]))]
+            apart = (away[1] - away[0])[:, None]
+            between = here[:, :LAYERS] * apart - pace * (away[1][:, None] * nearer[0] - apart)
+            off = np.abs(kept[1] - kept[0] - (side * climb)[:, None] * between)
+        whole = cls(pair, side, angles[0], climb, away[0], here, more, pace, steady, off)
+        kept = np.flatnonzero(growing.any(axis=1))
+        return cls(*(column[kept] for column in vars(whole).values()))
+
+    @staticmethod
+    def _sides(spread: Spread) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The pairs (n,) and the numbers (n,) of breaks at which rays may rest, and steps (n,) to either side."""
+        number = _counted(np.zeros_like(spread.passages.count), spread.passages.count)
+        pair = np.repeat(np.arange(len(spread.distance)), spread.passages.count)
+        pair, number, way = np.tile(pair, 2), np.tile(number, 2), np.repeat([-NEXT, NEXT], len(number))
+        inside = np.where(way < 0, number > 0, number < spread.passages.count[pair] - 1)
+        rows = np.flatnonzero(inside & ~spread.mild(pair, number) & ~spread.level(pair, number))
+        return pair[rows], number[rows], way[rows]
+
+    def tell(self, place: np.ndarray, left: np.ndarray, most: np.ndarray, pace: np.ndarray) -> np.ndarray:
+        """Whether there is one ray (n,) beyond each ``place`` (n,) that has a distance ``left`` (n,) to come.
+
+        Its passages together grow by as much as ``most`` (k,) and by ``pace`` (k,) for each factor e.
+        """
+        return np.isinf(most[place]) & (self.steady[place] | (left > BEYOND_NUMBERS * pace[place]))
+
+    def rays(
+        self,
+        place: np.ndarray,
+        left: np.ndarray,
+        pace: np.ndarray,
+        off: np.ndarray,
+        name: tuple[int, int, int],
+        aim: np.ndarray,
+    ) -> Reaching:
+        """Those, of one family, whose optical paths may be ``off`` (k,) at the places."""
+        slowly = np.maximum(pace[place], SLOWEST)
+        further = left / slowly
+        with np.errstate(over="ignore"):
+            rates = -self.side[place] * np.minimum(slowly / self.away[place] * np.exp(further), STEEPEST_RATE)
+        beside = self.side[place] * self.away[place]
+        gains = beside * self.climb[place] * slowly * (further + np.expm1(-further))
+        names = np.column_stack([np.tile(name, (len(place), 1)), aim])
+        touching = np.zeros(len(place), dtype=bool)
+        return Reaching(self.angle[place], names, rates, touching, beside * np.expm1(-further), gains, off[place])
 
 
 @dataclass(frozen=True)
@@ -250,40 +379,49 @@ def launches(
     weights, offset = families.weights, aims.distance[families.aim]
     found = zeros(series, families.panel, weights, offset, touch[families.aim])
     which = families.take(found.which)
-    upright = _upright(tabled, aims, touch)
-    angles = [whole[0], spread.angles(aims.pair[which.aim], found.at), np.full(len(upright), np.pi / 2)]
-    names = np.concatenate([whole[1], which.name, upright])
-    touching = np.concatenate([np.ones(len(whole[0]), bool), found.touching, np.zeros(len(upright), bool)])
+    upright, (resting, doubtful) = _upright(tabled, aims, touch), _resting(spread, aims)
     with np.errstate(all="ignore"):  # at a break, from which angles are not told, there is no number
         rates = found.rates / spread.angle_rates(aims.pair[which.aim], found.at)
-    rates = np.concatenate([np.zeros(len(whole[0])), rates, np.zeros(len(upright))])
-    rays = _launched(tabled, np.concatenate(angles), names, aims, (touching, rates), swapped)
-    root = np.sqrt(passages.g)[aims.pair]
-    for n in np.flatnonzero(passages.stays_level(aims.pair, aims.distance)):
-        path = float(root[n] * aims.distance[n])
-        launch = Launch(float(root[n]), 0.0, 0.0, path, int(aims.way[n]), False, 0.0, aims.distance[n], -1, np.inf)
-        rays.append((int(n), launch))
-    own: list[tuple[list[Launch], list[Launch]]] = [([], []) for _ in pair]
-    for k, (n, launch) in enumerate(rays):
+    at = spread.angles(aims.pair[which.aim], found.at)
+    parts = [
+        Reaching.there(*whole, np.zeros(len(whole[0])), np.ones(len(whole[0]), dtype=bool)),
+        Reaching.there(at, which.name, rates, found.touching),
+        Reaching.there(np.full(len(upright), np.pi / 2), upright, np.zeros(len(upright)), np.zeros(len(upright), bool)),
+        resting,
+    ]
+    rays = _launched(tabled, Reaching.joined(parts), aims, swapped)
+    own: list[tuple[list[Launch], ...]] = [([], [], []) for _ in pair]
+    for (n, launch), kind in zip(rays, np.repeat([0, 1, 1, 2], [len(part) for part in parts]), strict=True):
         if launch.path <= aims.within[n]:
-            own[aims.question[n]][0 if k < len(whole[0]) else 1].append(launch)
-    resting = _resting(spread, aims)
+            own[aims.question[n]][kind].append(launch)
+    for n, launch in _staying(passages, aims):
+        own[aims.question[n]][1].append(launch)
     unresolved = series.given_up[pair] + np.bincount(aims.question[families.aim[found.lost]], minlength=len(pair))
     without_end = np.bincount(aims.question[endless], minlength=len(pair)) > 0
     return [
-        Launches(*_apart(*own[q]), int(series.looked_at[pair[q]]), int(resting[q]), int(unresolved[q]), bool(end))
+        Launches(*_apart(*own[q]), int(series.looked_at[pair[q]]), int(doubtful[q]), int(unresolved[q]), bool(end))
         for q, end in enumerate(without_end)
     ]
 
 
-def _apart(level_ones: list[Launch], others: list[Launch]) -> tuple[list[Launch], bool]:
+def _staying(passages: RayPassages, aims: Distances) -> Iterator[tuple[int, Launch]]:
+    """The rays that stay on the layer of both points, each with the number of its aim."""
+    root = np.sqrt(passages.g)[aims.pair]
+    for n in np.flatnonzero(passages.stays_level(aims.pair, aims.distance)):
+        c, distance = float(root[n]), float(aims.distance[n])
+        if c * distance <= aims.within[n]:
+            path, way = c * distance, int(aims.way[n])
+            yield int(n), Launch(c, 0.0, 0.0, path, way, False, 0.0, distance, -1, np.inf, False, 0.0)
+
+
+def _apart(level_ones: list[Launch], others: list[Launch], resting: list[Launch]) -> tuple[list[Launch], bool]:
     """The rays of a question, one of each family that all meet the point, and whether there are such families."""
     continua = _one_each(level_ones)
     alone = [
         one for one in others
         if not any(abs(one.path - other.path) <= SAME_CONTINUUM * other.path for other in continua)
     ]  # fmt: skip
-    return continua + _distinct(alone), len(continua) > 0
+    return continua + _distinct(alone) + resting, len(continua) > 0
 
 
 def _continua(
@@ -328,101 +466,76 @@ def _upright(tabled: TabledPassages, aims: Distances, touch: np.ndarray) -> np.n
     return np.concatenate(rows)
 
 
-def _resting(spread: Spread, aims: Distances) -> np.ndarray:
-    """How many rays to each question come to rest along a layer more closely than angles can be told.
+def _resting(spread: Spread, aims: Distances) -> tuple[Reaching, np.ndarray]:
+    """The rays that rest along a layer more closely than angles can be told, and how many more (questions,) may.
 
-    RayPassages grow up to there.
+    Passages grow there as the logarithm of how far off an angle is, so that there is one ray; or by no more than a kink
+    allows, and nobody knows.
     """
-    count = np.zeros(int(aims.question.max(initial=-1)) + 1, dtype=int)
-    pair = np.repeat(np.arange(len(spread.distance)), spread.passages.count)
-    breaks = 2.0 * _counted(np.zeros_like(spread.passages.count), spread.passages.count)
-    pair, at, way = np.tile(pair, 2), np.tile(breaks, 2), np.repeat([-NEXT, NEXT], len(breaks))
-    inside = (at + way >= 0) & (at + way <= 2.0 * (spread.passages.count[pair] - 1))
-    number = (at / 2).astype(int)
-    rows = np.flatnonzero(inside & ~spread.mild(pair, number) & ~spread.level(pair, number))
-    pair, at, way = pair[rows], at[rows], way[rows]
-    places = at + np.outer([0.0, 1.0, 2.0], way) + np.outer([BREAK_OFFSET, 0.0, 0.0], np.sign(way))
-    here, beside, before = np.split(spread(np.tile(pair, 3), places.ravel()), 3)
-    beside, before = beside[:, :LAYERS], before[:, :LAYERS]
-    last = here[:, :LAYERS] - beside
-    earlier = beside - before
-    growing = (last > GROWN * spread.distance[pair, None]) & ~(last <= STEADY * earlier)
-    with np.errstate(all="ignore"):
-        share = last / earlier
-        more = np.where((earlier > 0) & (share < ENDLESS), 2 * last * share / (1 - share), np.inf)
-    more = np.where(growing, more, 0.0)
-    slow = np.sqrt(spread.passages.g)[pair] * np.cos(spread.angles(pair, at))
-    for row in np.flatnonzero(growing.any(axis=1)):
-        own = np.flatnonzero(aims.pair == pair[row])
-        rest = slow[row], aims.within[own]
-        for beyond, behind in KINDS:
-            weights = np.array([1.0, 2.0 * beyond, 2.0 * behind])
-            left = _left_over(here[row], more[row], weights, aims.distance[own], rest)
-            np.add.at(count, aims.question[own], left)
-    return count
+    count, found = (
+        np.zeros(int(aims.question.max(initial=-1)) + 1, dtype=int),
+        [Reaching.there(np.zeros(0), np.zeros((0, 4), int), np.zeros(0), np.zeros(0, bool))],
+    )
+    places = BesideRests.of(spread)
+    order = np.argsort(aims.pair, kind="stable")
+    start, stop = (np.searchsorted(aims.pair[order], places.pair, side=side) for side in ("left", "right"))
+    every = np.repeat(np.arange(len(start)), stop - start), order[_counted(start, stop - start)]
+    slow = (np.sqrt(spread.passages.g)[places.pair] * np.cos(places.angle))[every[0]]
+    for beyond, behind in KINDS:
+        (place, aim), c = every, slow
+        for periods in range(MOST_TURNS):
+            name = beyond, behind, periods
+            weights = np.array([1.0 + 2 * periods, 2.0 * (beyond + periods), 2.0 * (behind + periods)])
+            used = weights > 0
+            came, path = (half[:, used] @ weights[used] for half in np.split(places.here, 2, axis=1))
+            left = aims.distance[aim] - came[place]
+            still = np.flatnonzero((left > 0) & (path[place] + c * left <= aims.within[aim]))
+            place, aim, c, left = place[still], aim[still], c[still], left[still]
+            if len(still) == 0:  # whatever is no number has come nowhere
+                break
+            most, pace, off = (own[:, used] @ weights[used] for own in (places.more, places.pace, places.off))
+            met = np.flatnonzero(left <= most[place])
+            known = met[places.tell(place[met], left[met], most, pace)]
+            np.add.at(count, aims.question[aim[np.setdiff1d(met, known)]], 1)
+            found.append(places.rays(place[known], left[known], pace, off, name, aim[known]))
+    return Reaching.joined(found), count
 
 
-def _left_over(
-    here: np.ndarray, more: np.ndarray, weights: np.ndarray, wanted: np.ndarray, rest: tuple[float, np.ndarray]
-) -> np.ndarray:
-    """How many rays (n,) with so many passages, and periods more, have not come far enough where they all but rest.
-
-    By ``more`` (3,) the passages may grow, for ever where that is infinite. ``rest`` is the index along the layer and
-    the optical paths (n,) that are asked for.
-    """
-    count = np.zeros(len(wanted), dtype=int)
-    for _ in range(MOST_TURNS):
-        used = weights > 0
-        came, path = (np.where(used, weights * half, 0.0).sum() for half in (here[:LAYERS], here[LAYERS:]))
-        left = wanted - came
-        still = (left > 0) & (path + rest[0] * left <= rest[1])
-        if not np.any(still):  # whatever is no number has come nowhere
-            break
-        count += still & (left <= np.sum(weights[used] * more[used]))
-        weights = weights + 2.0
-    return count
-
-
-def _launched(
-    tabled: TabledPassages,
-    angles: np.ndarray,
-    names: np.ndarray,
-    aims: Distances,
-    crossing: tuple[np.ndarray, np.ndarray],
-    swapped: np.ndarray,
-) -> list[tuple[int, Launch]]:
-    """The rays of the families ``names`` (k, 4) at ``angles`` (k,), each with the number of its aim.
-
-    ``crossing`` says whether they touch (k,) and how their distances change with the angle (k,).
-    """
-    if len(angles) == 0:
+def _launched(tabled: TabledPassages, rays: Reaching, aims: Distances, swapped: np.ndarray) -> list[tuple[int, Launch]]:
+    """The ``rays`` as they leave, each with the number of its aim."""
+    if len(rays) == 0:
         return []
-    beyond, behind, m, aim = names.T
+    angles, rates = rays.angles, rays.rates
+    beyond, behind, m, aim = rays.names.T
     passages, pair = tabled.passages, aims.pair[aim]
     weights = Families(aim, beyond, behind, m, aim).weights[:, :LAYERS]
     root, way, distance = np.sqrt(passages.g)[pair], passages.way[pair], aims.distance[aim]
-    c, w = root * np.cos(angles), root * np.sin(angles)
+    c = root * np.cos(angles)
     scale = np.repeat(np.column_stack([distance, c * distance]), LAYERS, axis=1)
     here = tabled.at(pair, angles, scale)
     came, path = (np.where(weights > 0, weights * part, 0.0).sum(axis=1) for part in np.split(here, 2, axis=1))
-    last = np.sqrt(passages.higher[pair] + w**2)
-    leaving, arriving = way * np.where(behind == 1, -w, w), way * np.where(beyond == 1, -last, last)
-    speed, end = (np.where(swapped[pair], -one, two) for one, two in ((arriving, leaving), (leaving, arriving)))
-    touching, rates = crossing
-    noise = np.max(passages.noise(pair, angles)[:, :LAYERS], axis=1, initial=0.0, where=weights > 0)
     known = np.isfinite(came)
     short = np.where(known, distance - came, 0.0)
     # the optical path changes by c times the distance from ray to ray, and by c's change over that once more
+    path = path + c * short + rays.gains
+    c, w = root * np.cos(angles + rays.turned), root * np.sin(angles + rays.turned)
+    last = np.sqrt(passages.higher[pair] + w**2)
+    leaving, arriving = way * np.where(behind == 1, -w, w), way * np.where(beyond == 1, -last, last)
+    speed, end = (np.where(swapped[pair], -one, two) for one, two in ((arriving, leaving), (leaving, arriving)))
+    noise = np.max(passages.noise(pair, angles)[:, :LAYERS], axis=1, initial=0.0, where=weights > 0)
     with np.errstate(all="ignore"):
-        path, off = path + c * short, short**2 * w / np.abs(rates)
-        clear = known & ~touching & (np.abs(rates) * last > CLEAR * path)
+        off = (np.abs(short) + noise * distance) ** 2 * w / np.abs(rates)
+        clear = known & ~rays.touching & (np.abs(rates) * last > CLEAR * path)
         clear &= len(passages.profile.jumps) == 0  # turning points do not tell what those do to neighbours
         # heights are told from the one end, to its round-off, where the path may grow fast at the other
         rounded = EPSILON * np.abs(passages.end - passages.start)[pair] * np.sqrt(root**2 + passages.higher[pair])
-        off = np.where((noise < TOLD_WELL) & (off < TOLD_WELL * path), off + noise * path + rounded, np.inf)
+        well = (noise < TOLD_WELL) & (off < TOLD_WELL * path)
+        off = np.where(well, off + noise * path, off + rays.off) + rounded
+        off = np.where(clear & (off <= TOLD * path), off, np.inf)
     index = np.where(clear, _conjugate_points(2 * m + beyond + behind, rates), -1)
     columns = (
-        c, speed, end, path, aims.way[aim].astype(int), touching, noise, distance, index, off
+        c, speed, end, path, aims.way[aim].astype(int), rays.touching, noise, distance, index, off, well,
+        np.abs(rates / w),
     )  # fmt: skip
     return [(int(n), Launch(*row)) for n, *row in zip(aim, *(column.tolist() for column in columns), strict=True)]
 

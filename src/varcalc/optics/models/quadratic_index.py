@@ -9,7 +9,7 @@ import numpy as np
 
 from varcalc.numerics.roots import EPSILON
 from varcalc.optics.media.medium import Medium
-from varcalc.optics.models.aimed import CARRIED_WELL, Aimed, Carry, Tell, Told
+from varcalc.optics.models.aimed import CARRIED_WELL, Aimed, Carry, Tell, Told, met
 from varcalc.optics.models.linear import LinearRays, motions
 from varcalc.optics.models.quadratic_zeros import (
     LARGEST_ANGLE,
@@ -19,6 +19,7 @@ from varcalc.optics.models.quadratic_zeros import (
     ZeroSearch,
     half_angle,
 )
+from varcalc.optics.rays.beam import frames
 from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
 from varcalc.symbolic.evaluation import PointEvaluator
 
@@ -86,15 +87,10 @@ class QuadraticIndex:
         asked = self._asked(a, b)
         search = ZeroSearch(asked, self.curvature, within)
         zeros, given_up = search.found()
-        told, clear, touching, continuum = self._told(search, zeros)
-        alone = np.flatnonzero(clear) if tell is not None else np.zeros(0, dtype=int)
-        others = np.setdiff1d(np.arange(len(told)), alone)
-        some = told.take(others)
-        aimed = Aimed(some.question, some.headings, some.paths, touching[others], np.zeros(len(some)), some.counts)
-        rays = aimed.carried(len(a), carry, None)
-        if tell is not None:
-            for question, ray in zip(told.question[alone], tell(told.take(alone)), strict=True):
-                rays[question].append(ray)
+        told, touching, continuum = self._told(search, zeros)
+        nothing = np.zeros(len(told))
+        aimed = Aimed(told.question, told.headings, told.paths, touching, nothing, told.counts)
+        rays = met(len(a), aimed, told, carry, None, tell)
         lost = np.bincount(told.question, minlength=len(a)) - np.array([len(own) for own in rays])
         answers = zip(rays, within, continuum.tolist(), lost.tolist(), given_up.tolist(), strict=True)
         return [_answer(*own) for own in answers]
@@ -146,8 +142,8 @@ class QuadraticIndex:
         last[rows, one] = np.where(odd[rows, one], -momentum, momentum)
         path += momentum**2 * search.marks[foci.origin] / 2  # whole turns: the mean of the square is half
 
-    def _told(self, search: ZeroSearch, zeros: Zeros) -> tuple[Told, np.ndarray, np.ndarray, np.ndarray]:
-        """What is known of rays, of which (k,) that is enough, which touch caustics, and pairs (q,) with continua."""
+    def _told(self, search: ZeroSearch, zeros: Zeros) -> tuple[Told, np.ndarray, np.ndarray]:
+        """What is known of rays, which of them (k,) touch caustics, and pairs (q,) with continua."""
         within = search.within
         first, last, path = self._courses(search, zeros)
         focus = np.any(zeros.free, axis=1)
@@ -165,13 +161,30 @@ class QuadraticIndex:
         touching = zeros.touching[both] & (many[both] | ~focus[both])
         counts = np.where(zeros.touching[both] | focus[both], -1, counts[both])
         headings, arriving = ((v / np.linalg.norm(v, axis=1, keepdims=True)) @ self.axes.T for v in (first, last))
-        nothing, paths = np.ones(len(both)), path[both]
-        told = Told(zeros.question[both], headings, arriving, paths, SUMMED_ROUND_OFF * paths, counts, nothing)
         continuum = np.bincount(zeros.question[both][many[both]], minlength=len(within)) > 0
+        sigma = search.sigma(zeros)[both]
         with np.errstate(over="ignore"):  # rays that grow apart are only where directions tell them if they are carried
             grows = np.sqrt(max(float(self.curvature.max()), 0.0))
-            apart = EPSILON * np.exp(grows * search.sigma(zeros)[both])
-        return told, ~focus[both] & ~touching & (apart <= CARRIED_WELL), touching, continuum
+            apart = EPSILON * np.exp(grows * sigma)
+        paths, level, alone = path[both], np.ones(len(both)), ~focus[both] & ~touching
+        well, spreads = alone & (apart <= CARRIED_WELL), np.full(len(both), np.nan)
+        astray = np.flatnonzero(alone & ~well)
+        spreads[astray] = self._spreads(first[astray], last[astray], sigma[astray])
+        errors = np.where(well | np.isfinite(spreads), SUMMED_ROUND_OFF * paths, np.inf)
+        told = Told(zeros.question[both], headings, arriving, paths, errors, counts, level, spreads, well)
+        return told, touching, continuum
+
+    def _spreads(self, first: np.ndarray, last: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+        """How rays with momenta ``first`` and ``last`` (k, d) at their ends spread (k,) over σ: :attr:`Ray.spreading`.
+
+        In each principal direction neighbours come apart as their momenta did at first, times sin(wσ)/w or its like.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            apart = np.column_stack([motions(float(curvature), sigma).first for curvature in self.curvature])
+            n = np.linalg.norm(first, axis=1, keepdims=True)
+            across = frames(first / n) * (n * apart)[:, None, :]
+            ahead = last / np.linalg.norm(last, axis=1, keepdims=True)
+            return np.abs(np.linalg.det(np.concatenate([across, ahead[:, None]], axis=1)))
 
 
 def _answer(rays: list[Ray], within: float, continuum: bool, apart: int, given_up: int) -> Rays:
@@ -182,4 +195,4 @@ def _answer(rays: list[Ray], within: float, continuum: bool, apart: int, given_u
     searched += f"optical paths up to {within:.6g}"
     if not rays:
         return no_rays(SHADOW, searched, unresolved)
-    return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), "", searched, continuum, unresolved)
+    return Rays(tuple(rays), "", searched, continuum, unresolved)

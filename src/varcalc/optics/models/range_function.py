@@ -10,7 +10,7 @@ import numpy as np
 from varcalc.numerics.one_coordinate.quadrature import AGREED
 from varcalc.optics.media.medium import Medium, Radial, Stratified
 from varcalc.optics.media.tabulated import Tabulated
-from varcalc.optics.models.aimed import Aimed, Carry, Tell, Told
+from varcalc.optics.models.aimed import Aimed, Carry, Tell, Told, met
 from varcalc.optics.models.jumps import jumps_of
 from varcalc.optics.models.launches import Launch, Launches, launches, rounded_up
 from varcalc.optics.models.passage_tables import PassageTables
@@ -92,14 +92,8 @@ class RangeFunction:
                 for row, own in zip(some, self._launches(float(unit), frames_.take(some), within[some]), strict=True):
                     found[row] = own
         known = [own for own in found if own is not None]
-        aimed, told, clear = _aimed(frames_, known, isinstance(self.medium, Radial))
-        clear &= tell is not None
-        # radial rays, and those at the rim of the range function, may not meet the point
-        rays = aimed.take(np.flatnonzero(~clear)).carried(len(a), carry, careful)
-        if tell is not None:
-            some = told.take(np.flatnonzero(clear))
-            for question, ray in zip(some.question, tell(some), strict=True):
-                rays[question].append(ray)
+        aimed, told = _aimed(frames_, known, isinstance(self.medium, Radial))
+        rays = met(len(a), aimed, told, carry, careful, tell)
         return [_answer(*own) for own in zip(known, rays, within, strict=True)]
 
     def _launches(self, unit: float, frames_: Frames, within: np.ndarray) -> list[Launches]:
@@ -129,12 +123,12 @@ class RangeFunction:
         return self._profiles[unit]
 
 
-def _aimed(frames_: Frames, launched: list[Launches], about_centre: bool) -> tuple[Aimed, Told, np.ndarray]:
-    """The launches as rays that leave the first point, what is known of them, and of which that is enough (k,)."""
+def _aimed(frames_: Frames, launched: list[Launches], about_centre: bool) -> tuple[Aimed, Told]:
+    """The launches as rays that leave the first point, and what is known of them."""
     question = np.repeat(np.arange(len(launched)), [len(own.found) for own in launched])
     rows = [tuple(vars(launch).values()) for own in launched for launch in own.found]
     columns = np.array(rows, dtype=float).reshape(-1, len(fields(Launch))).T
-    c, speed, last, paths, way, touching, noise, distance, index, off = columns
+    c, speed, last, paths, way, touching, noise, distance, index, off, well, rate = columns
     headings = frames_.headings(question, c * way, speed)
     turn = frames_.distance[question] if about_centre else 0.0
     arriving = frames_.headings(question, c * way, last, turn)
@@ -145,10 +139,17 @@ def _aimed(frames_: Frames, launched: list[Launches], about_centre: bool) -> tup
         apart = np.abs(halves - np.round(halves)) > HALF_TURN
         counts = np.where(apart & (index >= 0), index + np.floor(halves), -1)
     counts = counts.astype(int)
-    clear = (counts >= 0) & np.isfinite(off)
+    off = np.where(counts >= 0, off, np.inf)
     least = c / np.hypot(c, speed)
-    told = Told(question, headings, arriving, paths, off + ALONE * paths, counts, least)
-    return Aimed(question, headings, paths, touching.astype(bool), noise, counts), told, clear
+    # neighbours in the plane of the ray come apart as distances change, and those beside it turn about an axis
+    with np.errstate(all="ignore"):
+        radius = frames_.radius(question) if about_centre else 1.0
+        spreads = rate * np.abs(speed * last) / np.hypot(c, last) * radius
+        if headings.shape[1] == 3:
+            spreads *= (radius * np.abs(np.sin(distance)) if about_centre else distance) / least
+    well = (well > 0) & np.isfinite(off)
+    told = Told(question, headings, arriving, paths, off + ALONE * paths, counts, least, spreads, well)
+    return Aimed(question, headings, paths, touching.astype(bool), noise, counts), told
 
 
 def _answer(found: Launches, rays: list[Ray], within: float) -> Rays:
@@ -162,7 +163,7 @@ def _answer(found: Launches, rays: list[Ray], within: float) -> Rays:
     )
     if not rays:
         return no_rays(SHADOW, searched, unresolved)
-    return Rays(tuple(sorted(rays, key=lambda ray: ray.optical_path)), "", searched, found.continuum, unresolved)
+    return Rays(tuple(rays), "", searched, found.continuum, unresolved)
 
 
 @dataclass(frozen=True)
@@ -208,6 +209,10 @@ class Frames:
     def take(self, rows: np.ndarray) -> Frames:
         """Those of some pairs."""
         return Frames(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def radius(self, pair: np.ndarray) -> np.ndarray:
+        """How far from the centre the second points of pairs (k,) are."""
+        return self.unit[pair] * np.exp(self.heights[pair, 1])
 
     def headings(
         self, pair: np.ndarray, along: np.ndarray, climb: np.ndarray, turn: np.ndarray | float = 0.0

@@ -92,9 +92,9 @@ class Spread:
 
     def angle_rates(self, pair: np.ndarray, at: np.ndarray) -> np.ndarray:
         """The derivatives of the angles by the unknown (m,), about."""
-        middle = np.round(at)  # the unknown has breaks at whole numbers
-        step = np.where(at >= middle, RATE_STEP, -RATE_STEP)
-        return (self.angles(pair, at + step) - self.angles(pair, at)) / step
+        beside = np.abs(at - np.round(at)) / 2  # the unknown has breaks at whole numbers
+        step = np.where(beside > 0, np.minimum(RATE_STEP, beside), RATE_STEP)
+        return (self.angles(pair, at + step) - self.angles(pair, at - step)) / (2 * step)
 
     def noise(self, family: np.ndarray, at: np.ndarray) -> np.ndarray:
         """See :meth:`RayPassages.noise`."""
@@ -148,11 +148,13 @@ class Spread:
     def _idle(self, family: np.ndarray, values: np.ndarray, known: np.ndarray, well: np.ndarray) -> np.ndarray:
         """See :meth:`beyond`, told from those passages that are ``known`` (P, 3) in a panel, and those known ``well``.
 
-        U and D are gone twice, so that they are too long by far before a ray is; S is gone once.
+        S is gone once, so that it must be known well to be too long.
         """
         least = reduced(np.minimum, np.where(np.isfinite(values), values, np.inf), 1)
         least[least == np.inf] = -np.inf  # none exists
-        longer = (least[:, :LAYERS] > self.distance[family, None]) | (least[:, LAYERS:] > self.within[family, None])
+        often = np.array([1.0, 2.0, 2.0])  # a ray of U or D goes there and back
+        longer = often * least[:, :LAYERS] > self.distance[family, None]
+        longer |= often * least[:, LAYERS:] > self.within[family, None]
         longer &= np.column_stack([well[:, :1], known[:, 1:]])
         used = np.logical_not(longer | (known & reduced(np.logical_and, np.isnan(values[..., :LAYERS]), 1)))
         once, turning = values[..., 0], [values[..., 0] + 2 * values[..., k] for k in (1, 2)]

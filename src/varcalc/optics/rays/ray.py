@@ -108,14 +108,30 @@ class Ray(Plotted):
 
     @cached_property
     def legs(self) -> Sequence[Leg]:
-        """The ray between surfaces, followed anew when it is first asked for."""
+        """The ray between surfaces, followed anew when it is first asked for.
+
+        There is none where no direction, to round-off, leads along the ray: it all but rests along a layer, or its
+        neighbours grow apart too fast.
+        """
         return self.way()
+
+    def _followed(self) -> Sequence[Leg]:
+        """The same; ArithmeticError where there is none."""
+        if not self.legs:
+            raise ArithmeticError(
+                "the ray cannot be followed: rays whose directions differ by round-off come apart on the way by as "
+                "much as A and B are; its optical path, spreading and directions at A and B are known"
+            )
+        return self.legs
 
     @cached_property
     def conjugate_points(self) -> np.ndarray:
-        """Where neighbouring rays from A cross this one, shape (index, d), in the order in which they are met."""
+        """Where neighbouring rays from A cross this one, shape (index, d), in the order in which they are met.
+
+        Raises ArithmeticError where the ray cannot be followed.
+        """
         last = self.optical_path * (1 - AT_END) if self.degenerate else np.inf
-        foci = [position for leg in self.legs for path, position in leg.foci() if path < last]
+        foci = [position for leg in self._followed() for path, position in leg.foci() if path < last]
         return np.array(foci).reshape(-1, len(self.tangents[0]))
 
     @cached_property
@@ -125,9 +141,9 @@ class Ray(Plotted):
         Fermat's principle makes them one integral along the ray, ∂S/∂p = ∫ ∂n/∂p ds. A name that stands in several
         media or surfaces is one parameter, which changes in all of them by the same amount.
 
-        Raises ArithmeticError where the index is not smooth along the ray.
+        Raises ArithmeticError where the index is not smooth along the ray, or the ray cannot be followed.
         """
-        return path_derivatives(self.legs, self.media, self.surfaces)
+        return path_derivatives(self._followed(), self.media, self.surfaces)
 
     def travel_time(self, speed: float = SPEED_OF_LIGHT) -> float:
         """The time from A to B: the optical path over the ``speed`` to which the index is referred.
@@ -166,7 +182,7 @@ class Ray(Plotted):
         from varcalc.optics.rays.fermat import certified_path
 
         if not self.surfaces:
-            return certified_path(self.media[0], self.legs[0], end)
+            return certified_path(self.media[0], self._followed()[0], end)
         from varcalc.optics.rays.straight_path import certified_straight_path
 
         return certified_straight_path(self, end)
@@ -174,7 +190,7 @@ class Ray(Plotted):
     def point(self, s: float | np.ndarray) -> np.ndarray:
         """The point of the ray at the optical path ``s`` from A, shape ``np.shape(s) + (d,)``.
 
-        Raises ValueError for ``s`` beyond the ends of the ray.
+        Raises ValueError for ``s`` beyond the ends of the ray, ArithmeticError where it cannot be followed.
         """
         wanted, end = reals("s", s), self.tube.optical_path
         # followed a second time the ray ends where it does to within its error
@@ -182,8 +198,11 @@ class Ray(Plotted):
 
     @cached_property
     def tube(self) -> RayTube:
-        """The ray with its neighbours from A: its spreading and intensity all along."""
-        return RayTube(RayStatus.ARRIVED, self.legs)
+        """The ray with its neighbours from A: its spreading and intensity all along.
+
+        Raises ArithmeticError where the ray cannot be followed.
+        """
+        return RayTube(RayStatus.ARRIVED, self._followed())
 
 
 @dataclass(frozen=True, repr=False)

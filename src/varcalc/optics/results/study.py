@@ -141,7 +141,9 @@ class Study(Shown):
             caustic=caustic_of(tubes, self.source.dimension),
             wavefronts=tuple(fronts),
             arrivals=arrivals,
-            arriving=tuple(_track(ray.point, ray.optical_path, RayStatus.ARRIVED) for ray in arrivals or ()),
+            arriving=tuple(
+                _track(ray.point, ray.optical_path, RayStatus.ARRIVED) for ray in arrivals or () if ray.legs
+            ),
         )
 
     def errors(self) -> dict[str, float]:
