@@ -265,11 +265,13 @@ class TwoPoint:
 
         def followed(k: int) -> Sequence[Leg]:
             full = other().full if careful[k] else self.full
-            legs = full.followed(started(np.array([k])), float(known.paths[k]))[0]
-            ended = [leg.at(np.array([leg.length])).position[0] for leg in legs[-1:]]
             source, target = ends.sources[k], ends.targets[k]
-            met = [np.linalg.norm(end - target) <= MEETS * np.linalg.norm(target - source) for end in ended]
-            return legs if all(met) else ()
+            try:
+                legs = full.followed(started(np.array([k])), float(known.paths[k]))[0]
+            except ArithmeticError:  # beside rays that rest it goes out of all bounds
+                return ()
+            end = legs[-1].at(np.array([legs[-1].length])).position[0]
+            return legs if np.linalg.norm(end - target) <= MEETS * np.linalg.norm(target - source) else ()
 
         def spread_of(k: int) -> float:
             return float(spread()[k])

@@ -18,7 +18,7 @@ from itertools import takewhile
 import numpy as np
 
 from varcalc.numerics.proxies import Proxies, zeros
-from varcalc.optics.models.height_pairs import COUNT, EPSILON, LAYERS
+from varcalc.optics.models.height_pairs import COUNT, EPSILON, LAYERS, LEAST_BESIDE
 from varcalc.optics.models.passage_tables import PassageTables, TabledPassages
 from varcalc.optics.models.passages import RayPassages
 from varcalc.optics.models.reduction import RayPotential
@@ -160,14 +160,15 @@ class BesideRests:
         here, beside, before = np.split(spread(np.tile(pair, 3), places.ravel()), 3)
         last, earlier = here[:, :LAYERS] - beside[:, :LAYERS], beside[:, :LAYERS] - before[:, :LAYERS]
         angles = np.stack([spread.angles(pair, place) for place in places])
-        away = np.abs(angles - spread.passages.breaks[pair, number])
+        rest = spread.passages.breaks[pair, number]
+        away, apart = np.abs(angles - rest), rest > LEAST_BESIDE  # where it is not, g may turn by round-off
         with np.errstate(all="ignore"):
             share = last / earlier
             more = np.where((earlier > 0) & (share < ENDLESS), 2 * last * share / (1 - share), np.inf)
             nearer = np.diff(np.log(away), axis=0)[..., None]
             pace, before = last / nearer[0], earlier / nearer[1]
-            logarithmic = np.abs(pace - before) <= LOGARITHMIC * pace
-        endless = spread.passages.endless[pair, number]
+            logarithmic = (np.abs(pace - before) <= LOGARITHMIC * pace) & apart[:, None]
+        endless = spread.passages.endless[pair, number] & apart[:, None]
         growing = (last > GROWN * spread.distance[pair, None]) & ~(last <= STEADY * earlier)
         more = np.where(endless | (growing & logarithmic), np.inf, np.where(growing, np.minimum(more, UNTOLD), 0.0))
         growing |= endless
@@ -178,8 +179,8 @@ class BesideRests:
         # what paths are longer than by the index along the layer changes by the distances for each change of that index
         with np.errstate(all="ignore"):
             kept = [part[:, LAYERS:] - one[:, None] * part[:, :LAYERS] for part, one in ((here, c[0]), (beside, c[1]))]
-            apart = (away[1] - away[0])[:, None]
-            between = here[:, :LAYERS] * apart - pace * (away[1][:, None] * nearer[0] - apart)
+            further = (away[1] - away[0])[:, None]
+            between = here[:, :LAYERS] * further - pace * (away[1][:, None] * nearer[0] - further)
             off = np.abs(kept[1] - kept[0] - (side * climb)[:, None] * between)
         whole = cls(pair, side, angles[0], climb, away[0], here, more, pace, steady, off)
         kept = np.flatnonzero(growing.any(axis=1))
