@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from typing import TYPE_CHECKING, Protocol
 
 import casadi as ca
@@ -19,11 +20,11 @@ import numpy as np
 
 from varcalc.existence.broken_curve import with_rival
 from varcalc.existence.falling import Fall
+from varcalc.existence.landscape import Landscape
 from varcalc.existence.polygons import (
     PIECES,
     PIECES_ACROSS,
     Graphs,
-    Landscape,
     Lattice,
     PolygonLattice,
     Valley,
@@ -53,7 +54,7 @@ from varcalc.verify.between import keeps_bounds
 from varcalc.verify.slopes import concave_beside
 
 if TYPE_CHECKING:
-    from varcalc.existence.directions import AlongDirection
+    from varcalc.existence.along_directions import AlongDirection
     from varcalc.existence.levelled_polygons import LevelledPolygons
     from varcalc.existence.relaxation import Relaxed
     from varcalc.existence.together import Looked
@@ -257,12 +258,13 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: floa
     assert polish is not None
     landscape, ordinates = Graphs(problem, breadth), partial(_ordinates, best)
     lattices = _about(best, lambda k: PolygonLattice(landscape, ordinates, pieces=k))
-    marked: Solution | None = None
+    marked, known = None, None
     while True:
         with np.errstate(all="ignore"):
             about = next(lattices, None)
             if about is None:
                 break
+            known = about
             valleys = _lowest(best, about, _worth_following(best, about), FOLLOWED)
             seen.walled = seen.walled or about.walled
         seen.pieces, seen.nodes = max(seen.pieces, about.pieces), max(seen.nodes, about.levels)
@@ -274,7 +276,7 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: floa
     if marked is not None:
         return marked
     with np.errstate(all="ignore"):
-        lattice = across_the_landscape(landscape, ordinates)
+        lattice = across_the_landscape(landscape, ordinates, known)
         valleys = [] if lattice is None else _lowest(best, lattice, _distinct(lattice), FOLLOWED_ACROSS)
     seen.across, seen.number = lattice is not None, seen.number + len(valleys)
     return None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
@@ -471,7 +473,7 @@ def _in_directions(
 
     From the polygon through it, where that is admitted: from a curve no polygon departs that is one itself.
     """
-    from varcalc.existence.directions import from_polygon, in_directions, is_polygonal
+    from varcalc.existence.along_directions import from_polygon, in_directions, is_polygonal
 
     if is_polygonal(best.problem):
         directions: list[AlongDirection] = []
@@ -481,12 +483,13 @@ def _in_directions(
             return PolygonLattice(directions[-1], np.zeros_like, pieces=pieces)
 
         about = list(_about(best, lattice_of))
-        across = across_the_landscape(from_polygon(best, PIECES_ACROSS, breadth), np.zeros_like)
+        across = across_the_landscape(from_polygon(best, PIECES_ACROSS, breadth), np.zeros_like, about[-1])
         if math.isfinite(about[-1].own_value) and (across is None or math.isfinite(across.own_value)):
             return list(zip(directions, about, strict=True)), [across, *(None for _ in about[1:])]
     looked = [(d, PolygonLattice(d, np.zeros_like)) for d in in_directions(best, breadth)]
     looked = [(direction, about) for direction, about in looked if math.isfinite(about.own_value)]
-    return looked, [across_the_landscape(direction, np.zeros_like) for direction, _ in looked]
+    # in several directions at once a way may be cheaper
+    return looked, [across_the_landscape(d, np.zeros_like, about if len(looked) == 1 else None) for d, about in looked]
 
 
 def _closer(best: Solution, found: list[_Found]) -> Iterator[_Found]:
@@ -521,18 +524,16 @@ def _worth_following(best: Solution, lattice: Lattice) -> list[Valley]:
 
     A curve may rest on what is as narrow as a floor against division by zero: no ridge is seen about it.
     """
-    found, doubtful = list[Valley](), list[Valley]()
-    for valley in lattice.valleys():
-        if (valley.value < lattice.low and lattice.apart(valley)) or _surely_lower(best, lattice, valley):
-            found.append(valley)
-        elif lattice.bends_down(valley):
-            doubtful.append(valley)
+    valleys = lattice.valleys()
+    told = zip(valleys, lattice.apart(valleys), strict=True)
+    sure = [(v.value < lattice.low and apart) or _surely_lower(best, lattice, v) for v, apart in told]
+    doubtful = [*compress(valleys, np.logical_not(sure))]
     # on its coarse pieces a polygon may lie far above the valley, and above the ridge before it
-    found += filter(lattice.apart, _low_once_moved(lattice, doubtful))
+    moved = _low_once_moved(lattice, [*compress(doubtful, lattice.bends_down(doubtful))])
+    left = sorted([*compress(valleys, sure), *compress(moved, lattice.apart(moved))], key=lambda valley: valley.value)
     kept: list[Valley] = []
-    for valley in sorted(found, key=lambda valley: valley.value):
-        if all(lattice.parted(lower, valley) for lower in kept):
-            kept.append(valley)
+    while left:
+        kept, left = [*kept, left[0]], [*compress(left[1:], lattice.parted(left[0], left[1:]))]
     return kept
 
 
@@ -547,9 +548,8 @@ def _low_once_moved(lattice: Lattice, valleys: Sequence[Valley]) -> list[Valley]
 
 
 def _surely_lower(best: Solution, lattice: Lattice, valley: Valley) -> bool:
-    if not valley.value < best.problem.sign * best.value - SURELY_LOWER * _size(lattice, valley):
-        return False
-    return _is_lower(_along(lattice.landscape, valley), best, 0.0, SURELY_LOWER)
+    low = valley.value < best.problem.sign * best.value - SURELY_LOWER * _size(lattice, valley)
+    return low and _is_lower(_along(lattice.landscape, valley), best, 0.0, SURELY_LOWER)
 
 
 def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
