@@ -83,7 +83,6 @@ ACROSS = Ritz(elements=24, degree=3, refine=False, starts=1), Ritz(elements=24, 
 IN_NARROW = Ritz(starts=1, degree=8)
 """The way into a narrow valley, on a mesh of its own."""
 QUADRATIC = "L is proved to be of second degree in the curve and its slope"
-WITH_LEVELS = " in the curve and its slope, less its levels by their multipliers"
 ONE_CURVE, DEPARTURE_PLACES = 0.05, 33
 """Departure from the known curve, in units of the larger extent, of one in the same valley; places where it is told."""
 PLACE = 1
@@ -165,8 +164,14 @@ def _one_valley(solution: Solution, *, followed: bool) -> str:
     if proved_in_another_ordinate(problem):
         return f"{PROVED} {IN_ANOTHER_ORDINATE}: there is no other valley"
     if proved_with_levels(problem, solution.multipliers):
-        return f"{PROVED}{WITH_LEVELS}: there is no other valley"
-    return f"{QUADRATIC}: there is one valley" if followed and proved_quadratic(problem) else ""
+        return f"{PROVED} in the curve and its slope, less its levels by their multipliers: there is no other valley"
+    if followed and proved_quadratic(problem):
+        return f"{QUADRATIC}: there is one valley"
+    if not any(problem.of_type(Isoperimetric)):
+        return ""
+    from varcalc.existence.enclosed_area import by_length  # few problems have levels
+
+    return by_length(solution)
 
 
 def _with_corners(best: Solution, tol: float, near: Relaxed | None) -> Solution | None:
@@ -397,14 +402,12 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None,
                 return fallen
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
             found += _across(across)
-        boxes: list[Valleys] = []
+        boxes: Sequence[Valleys] = [] if bends else together(pairs)
         if bends:
             bent, fall = _least_bent(pairs)
             if fall is not None:
                 return _on_fall(best, fall)
-            boxes += [] if bent is None else [bent]
-        else:
-            boxes += together(pairs)
+            boxes = [] if bent is None else [bent]
         levelled = _keeping_levels(best, pairs)
         seen.alternating = _lowest_alternating(best, levelled, seen.alternating)
         ends = cheaper_ends(best)
@@ -565,14 +568,12 @@ def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
 
 def _instead(problem: Functional) -> str:
     """What stands for the functional itself along such polygons; empty where it does itself."""
-    told = ["a level by its multiplier"] if any(isinstance(c, Isoperimetric) for c in problem.constraints) else []
-    return " and ".join(told)
+    return "a level by its multiplier" if any(problem.of_type(Isoperimetric)) else ""
 
 
 def _lower_about(best: Solution, lattice: Lattice, valleys: list[Valley], polish: Polish) -> Solution | None:
     """A solution in a valley that is lower, the known one marked or refused for what is lower; None for neither."""
-    rivalled = with_rival(best)  # a jump is no polygon, and its cost is known exactly
-    if rivalled is not best:
+    if (rivalled := with_rival(best)) is not best:  # a jump is no polygon, and its cost is known exactly
         return rivalled
     if (fallen := _fallen(best, lattice, valleys)) is not None:
         return fallen
@@ -800,8 +801,8 @@ def has_lattice(problem: Functional) -> bool:
 def _is_graph(problem: Functional) -> bool:
     """Whether curves are graphs of one function between two given abscissae, under no condition."""
     ends = (problem.start, problem.end)
-    plain = isinstance(problem, Problem) and problem.n == 1 and not (problem.constraints or problem.unknowns)
-    plain = plain and problem.order == 1
+    plain = isinstance(problem, Problem) and problem.n == problem.order == 1
+    plain = plain and not (problem.constraints or problem.unknowns)
     return plain and problem.end_cost is None and not any(e.slides or e.periodic for e in ends)
 
 
@@ -809,9 +810,8 @@ def _not_looked(problem: Functional) -> str:
     """That other valleys were not looked for, and why there is no lattice; empty where there is one."""
     if any(isinstance(c, Holonomic) for c in problem.constraints):
         return "other valleys were not looked for: the curve is held to a surface"
-    if _takes_columns(problem):
-        return ""
-    return "other valleys were not looked for: what is stated holds an operation that NumPy has no form of"
+    lacking = "other valleys were not looked for: what is stated holds an operation that NumPy has no form of"
+    return "" if _takes_columns(problem) else lacking
 
 
 def _takes_columns(problem: Functional) -> bool:
