@@ -169,7 +169,7 @@ def _one_valley(solution: Solution, *, followed: bool) -> str:
         return f"{QUADRATIC}: there is one valley"
     if not any(problem.of_type(Isoperimetric)):
         return ""
-    from varcalc.existence.enclosed_area import by_length  # few problems have levels
+    from varcalc.existence.of_given_length import by_length  # few problems have levels
 
     return by_length(solution)
 
