@@ -1,33 +1,24 @@
-"""Departures from a known curve in one direction, each told by one function, of which a lattice of polygons holds all.
-
-Where there are several unknown functions, a parameter along the curve, conditions or a cost of the ends, no lattice
-holds all curves. One holds those that depart from the known curve c in a direction d, c + t d, of which t is the one
-function. The directions are the axes, and sums and differences of two.
-"""
+"""Departures from a known curve, and what their functional adds at a place."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from itertools import combinations
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from varcalc.formulation import Sampled, formulate
+from varcalc.formulation import formulate
 from varcalc.formulation.height import breadths
-from varcalc.methods.crossings import beside_jumps
 from varcalc.problem.conditions import Bound, Isoperimetric, Through
 from varcalc.problem.functional import Functional
-from varcalc.problem.problem import Curve, Problem
+from varcalc.problem.problem import Curve
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import Columns, PointEvaluator
 from varcalc.symbolic.intervals import Interval
 
-MOST_DIRECTIONS = 9
-"""Directions that are looked along: all of three functions, of many more the axes alone."""
 SIZED_PLACES = 65
 """Places of the curve by which its size is told."""
 ON_BOUND = 1e-7
@@ -130,7 +121,7 @@ class Departures:
         start, end = (bool(np.isfinite(end.slopes(self.problem.n)[functions]).any()) for end in ends)
         return start, end
 
-    def _own(self, x: np.ndarray) -> list[np.ndarray]:
+    def own(self, x: np.ndarray) -> list[np.ndarray]:
         """The curve and its derivatives at x, each (n, *x.shape)."""
         key = x.tobytes()
         if key not in self._known:
@@ -154,13 +145,18 @@ class Departures:
 
     def _columns(self, x: np.ndarray, away: Rows, rates: Rows, turns: Rows | None = None) -> list[np.ndarray]:
         """L and what is bounded or levelled, as they are stated."""
-        own, slopes, *bends = self._own(x)
+        own, slopes, *bends = self.own(x)
         place = [c if y is None else c + y for c, y in zip(own, away, strict=True)]
         turned = [c if v is None else c + v for c, v in zip(slopes, rates, strict=True)]
         bent = [row for rows in bends for row in rows]
         if turns is not None:
             bent = [c if a is None else c + a for c, a in zip(bent, turns, strict=True)]
         return columns(self.problem)(x, place, turned, bent, *self.numbers)
+
+    def least_at(self, x: np.ndarray, *rows: Sequence[np.ndarray]) -> np.ndarray:
+        """What ``values`` are, of curves with these ordinates, slopes and second derivatives."""
+        with np.errstate(all="ignore"):
+            return self.least([(v, v) for v in columns(self.problem)(x, *rows, *self.numbers)])
 
     @property
     def levels(self) -> list[Isoperimetric]:
@@ -241,52 +237,6 @@ class Departures:
         return self.sign * (found[1:] if side else found[1:] - found[0])
 
 
-class AlongDirection:
-    """The landscape of the curves c + t d, of which t is the one function; t is 0 along c itself.
-
-    The direction d has ``shares`` (k,) of the ``axes`` (k, n).
-    """
-
-    def __init__(self, departures: Departures, axes: np.ndarray, shares: np.ndarray, width: float) -> None:
-        self.departures, self.shares, self.direction = departures, shares, shares @ axes
-        self._unit = max(1.0, width / float(np.abs(self.direction).max()))
-        self.span, self.sign, self.closed = departures.span, departures.sign, departures.closed
-        self.approximate, self.waypoints = departures.approximate, departures.waypoints
-        self.held = departures.held(self.direction != 0)
-
-    def along(self, valley: Sampled) -> Sampled:
-        """The curve of the problem that a function of x, which gives (1, m), stands for."""
-        curve = self.departures.curve
-        return lambda x: curve(np.atleast_1d(x), 0) + self.direction[:, None] * valley(np.atleast_1d(x))
-
-    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """L as it is minimised."""
-        directions = self.direction.tolist()
-        return self.departures.values(x, *([t * d if d else None for d in directions] for t in (y, v)))
-
-    def own_values(self, x: np.ndarray, weights: np.ndarray, y: np.ndarray, v: np.ndarray) -> bool:
-        """Whether ``values`` along a curve are the functional's own."""
-        directions = self.direction.tolist()
-        rows = [[t * d if d else None for d in directions] for t in (y, v)]
-        return not self.approximate or self.departures.free_of_levels(x, weights, *rows)
-
-    def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
-        """What ends that depart by y add."""
-        return self.departures.at_end(side, np.outer(y, self.direction)).reshape(np.shape(y))
-
-    def beside_jumps(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-        """Departures (m,) just beside those at which L of one function jumps."""
-        problem, own = self.departures.problem, self.departures.curve(x, 0)
-        if not isinstance(problem, Problem) or len(own) > 1:
-            return []
-        scale = float(self.direction[0])
-        return [(row - own[0]) / scale for row in beside_jumps(problem, x, own[0] + scale * y)]
-
-    def extent(self, y: np.ndarray) -> float:  # noqa: ARG002  it is the same about any curve
-        """The unit of the departures."""
-        return self._unit
-
-
 def polygonal(x: np.ndarray, y: np.ndarray) -> CurveOrSlope:
     """The polygon with vertices x (m,) and y (n, m), and its slopes."""
     slopes = np.diff(y) / np.diff(x)
@@ -298,41 +248,6 @@ def polygonal(x: np.ndarray, y: np.ndarray) -> CurveOrSlope:
         return slopes[:, np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)]
 
     return curve
-
-
-def in_directions(solution: Solution, breadth: float | None = None) -> Iterator[AlongDirection]:
-    """The departures from a solution that are looked at."""
-    return along_directions(Departures.of(solution, None, breadth))
-
-
-def is_polygonal(problem: Functional) -> bool:
-    """Whether curves are graphs of one function of first order, of which polygons are some."""
-    return isinstance(problem, Problem) and problem.n == problem.order == 1
-
-
-def from_polygon(solution: Solution, pieces: int, breadth: float | None = None) -> AlongDirection:
-    """The departures from the polygon through a solution that is the graph of one function, on so many pieces.
-
-    What departs from it is a polygon itself, and stays in between straight bounds.
-    """
-    known, curve = Departures.of(solution), solution.curve
-    assert curve is not None
-    x = np.union1d(np.linspace(*known.span, pieces + 1), known.waypoints)
-    return next(along_directions(Departures.of(solution, polygonal(x, curve(x, 0)), breadth)))
-
-
-def along_directions(departures: Departures) -> Iterator[AlongDirection]:
-    """The directions of departures that are looked at."""
-    axes = departures.axes * departures.sizes
-    for shares in _shares(len(axes)):
-        yield AlongDirection(departures, axes, shares, departures.breadth)
-
-
-def _shares(count: int) -> np.ndarray:
-    """The axes, then sums and differences of two, as many as are looked along, in shares of ``count`` axes."""
-    axes = np.eye(count)
-    mixed = [a + sign * b for a, b in combinations(axes, 2) for sign in (1.0, -1.0)]
-    return np.array([*axes, *mixed])[: max(MOST_DIRECTIONS, count)]
 
 
 @derived

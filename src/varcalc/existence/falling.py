@@ -23,7 +23,7 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Verdict
 
 if TYPE_CHECKING:
-    from varcalc.existence.polygons import Landscape
+    from varcalc.existence.landscape import Landscape
 
 LINE_DEGREE = 12
 LINE_POINTS = 8

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from typing import TYPE_CHECKING, Protocol
 
 import casadi as ca
@@ -19,11 +20,11 @@ import numpy as np
 
 from varcalc.existence.broken_curve import with_rival
 from varcalc.existence.falling import Fall
+from varcalc.existence.landscape import Landscape
 from varcalc.existence.polygons import (
     PIECES,
     PIECES_ACROSS,
     Graphs,
-    Landscape,
     Lattice,
     PolygonLattice,
     Valley,
@@ -53,7 +54,7 @@ from varcalc.verify.between import keeps_bounds
 from varcalc.verify.slopes import concave_beside
 
 if TYPE_CHECKING:
-    from varcalc.existence.directions import AlongDirection
+    from varcalc.existence.along_directions import AlongDirection
     from varcalc.existence.levelled_polygons import LevelledPolygons
     from varcalc.existence.relaxation import Relaxed
     from varcalc.existence.together import Looked
@@ -82,7 +83,6 @@ ACROSS = Ritz(elements=24, degree=3, refine=False, starts=1), Ritz(elements=24, 
 IN_NARROW = Ritz(starts=1, degree=8)
 """The way into a narrow valley, on a mesh of its own."""
 QUADRATIC = "L is proved to be of second degree in the curve and its slope"
-WITH_LEVELS = " in the curve and its slope, less its levels by their multipliers"
 ONE_CURVE, DEPARTURE_PLACES = 0.05, 33
 """Departure from the known curve, in units of the larger extent, of one in the same valley; places where it is told."""
 PLACE = 1
@@ -164,8 +164,14 @@ def _one_valley(solution: Solution, *, followed: bool) -> str:
     if proved_in_another_ordinate(problem):
         return f"{PROVED} {IN_ANOTHER_ORDINATE}: there is no other valley"
     if proved_with_levels(problem, solution.multipliers):
-        return f"{PROVED}{WITH_LEVELS}: there is no other valley"
-    return f"{QUADRATIC}: there is one valley" if followed and proved_quadratic(problem) else ""
+        return f"{PROVED} in the curve and its slope, less its levels by their multipliers: there is no other valley"
+    if followed and proved_quadratic(problem):
+        return f"{QUADRATIC}: there is one valley"
+    if not any(problem.of_type(Isoperimetric)):
+        return ""
+    from varcalc.existence.of_given_length import by_length  # few problems have levels
+
+    return by_length(solution)
 
 
 def _with_corners(best: Solution, tol: float, near: Relaxed | None) -> Solution | None:
@@ -257,12 +263,13 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: floa
     assert polish is not None
     landscape, ordinates = Graphs(problem, breadth), partial(_ordinates, best)
     lattices = _about(best, lambda k: PolygonLattice(landscape, ordinates, pieces=k))
-    marked: Solution | None = None
+    marked, known = None, None
     while True:
         with np.errstate(all="ignore"):
             about = next(lattices, None)
             if about is None:
                 break
+            known = about
             valleys = _lowest(best, about, _worth_following(best, about), FOLLOWED)
             seen.walled = seen.walled or about.walled
         seen.pieces, seen.nodes = max(seen.pieces, about.pieces), max(seen.nodes, about.levels)
@@ -274,7 +281,7 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: floa
     if marked is not None:
         return marked
     with np.errstate(all="ignore"):
-        lattice = across_the_landscape(landscape, ordinates)
+        lattice = across_the_landscape(landscape, ordinates, known)
         valleys = [] if lattice is None else _lowest(best, lattice, _distinct(lattice), FOLLOWED_ACROSS)
     seen.across, seen.number = lattice is not None, seen.number + len(valleys)
     return None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
@@ -395,14 +402,12 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None,
                 return fallen
             found += [(v.value - about.own_value, about, v, (ROUGH, EXACT)) for v in valleys]
             found += _across(across)
-        boxes: list[Valleys] = []
+        boxes: Sequence[Valleys] = [] if bends else together(pairs)
         if bends:
             bent, fall = _least_bent(pairs)
             if fall is not None:
                 return _on_fall(best, fall)
-            boxes += [] if bent is None else [bent]
-        else:
-            boxes += together(pairs)
+            boxes = [] if bent is None else [bent]
         levelled = _keeping_levels(best, pairs)
         seen.alternating = _lowest_alternating(best, levelled, seen.alternating)
         ends = cheaper_ends(best)
@@ -471,7 +476,7 @@ def _in_directions(
 
     From the polygon through it, where that is admitted: from a curve no polygon departs that is one itself.
     """
-    from varcalc.existence.directions import from_polygon, in_directions, is_polygonal
+    from varcalc.existence.along_directions import from_polygon, in_directions, is_polygonal
 
     if is_polygonal(best.problem):
         directions: list[AlongDirection] = []
@@ -481,12 +486,13 @@ def _in_directions(
             return PolygonLattice(directions[-1], np.zeros_like, pieces=pieces)
 
         about = list(_about(best, lattice_of))
-        across = across_the_landscape(from_polygon(best, PIECES_ACROSS, breadth), np.zeros_like)
+        across = across_the_landscape(from_polygon(best, PIECES_ACROSS, breadth), np.zeros_like, about[-1])
         if math.isfinite(about[-1].own_value) and (across is None or math.isfinite(across.own_value)):
             return list(zip(directions, about, strict=True)), [across, *(None for _ in about[1:])]
     looked = [(d, PolygonLattice(d, np.zeros_like)) for d in in_directions(best, breadth)]
     looked = [(direction, about) for direction, about in looked if math.isfinite(about.own_value)]
-    return looked, [across_the_landscape(direction, np.zeros_like) for direction, _ in looked]
+    # in several directions at once a way may be cheaper
+    return looked, [across_the_landscape(d, np.zeros_like, about if len(looked) == 1 else None) for d, about in looked]
 
 
 def _closer(best: Solution, found: list[_Found]) -> Iterator[_Found]:
@@ -521,18 +527,16 @@ def _worth_following(best: Solution, lattice: Lattice) -> list[Valley]:
 
     A curve may rest on what is as narrow as a floor against division by zero: no ridge is seen about it.
     """
-    found, doubtful = list[Valley](), list[Valley]()
-    for valley in lattice.valleys():
-        if (valley.value < lattice.low and lattice.apart(valley)) or _surely_lower(best, lattice, valley):
-            found.append(valley)
-        elif lattice.bends_down(valley):
-            doubtful.append(valley)
+    valleys = lattice.valleys()
+    told = zip(valleys, lattice.apart(valleys), strict=True)
+    sure = [(v.value < lattice.low and apart) or _surely_lower(best, lattice, v) for v, apart in told]
+    doubtful = [*compress(valleys, np.logical_not(sure))]
     # on its coarse pieces a polygon may lie far above the valley, and above the ridge before it
-    found += filter(lattice.apart, _low_once_moved(lattice, doubtful))
+    moved = _low_once_moved(lattice, [*compress(doubtful, lattice.bends_down(doubtful))])
+    left = sorted([*compress(valleys, sure), *compress(moved, lattice.apart(moved))], key=lambda valley: valley.value)
     kept: list[Valley] = []
-    for valley in sorted(found, key=lambda valley: valley.value):
-        if all(lattice.parted(lower, valley) for lower in kept):
-            kept.append(valley)
+    while left:
+        kept, left = [*kept, left[0]], [*compress(left[1:], lattice.parted(left[0], left[1:]))]
     return kept
 
 
@@ -547,9 +551,8 @@ def _low_once_moved(lattice: Lattice, valleys: Sequence[Valley]) -> list[Valley]
 
 
 def _surely_lower(best: Solution, lattice: Lattice, valley: Valley) -> bool:
-    if not valley.value < best.problem.sign * best.value - SURELY_LOWER * _size(lattice, valley):
-        return False
-    return _is_lower(_along(lattice.landscape, valley), best, 0.0, SURELY_LOWER)
+    low = valley.value < best.problem.sign * best.value - SURELY_LOWER * _size(lattice, valley)
+    return low and _is_lower(_along(lattice.landscape, valley), best, 0.0, SURELY_LOWER)
 
 
 def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
@@ -565,14 +568,12 @@ def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
 
 def _instead(problem: Functional) -> str:
     """What stands for the functional itself along such polygons; empty where it does itself."""
-    told = ["a level by its multiplier"] if any(isinstance(c, Isoperimetric) for c in problem.constraints) else []
-    return " and ".join(told)
+    return "a level by its multiplier" if any(problem.of_type(Isoperimetric)) else ""
 
 
 def _lower_about(best: Solution, lattice: Lattice, valleys: list[Valley], polish: Polish) -> Solution | None:
     """A solution in a valley that is lower, the known one marked or refused for what is lower; None for neither."""
-    rivalled = with_rival(best)  # a jump is no polygon, and its cost is known exactly
-    if rivalled is not best:
+    if (rivalled := with_rival(best)) is not best:  # a jump is no polygon, and its cost is known exactly
         return rivalled
     if (fallen := _fallen(best, lattice, valleys)) is not None:
         return fallen
@@ -800,8 +801,8 @@ def has_lattice(problem: Functional) -> bool:
 def _is_graph(problem: Functional) -> bool:
     """Whether curves are graphs of one function between two given abscissae, under no condition."""
     ends = (problem.start, problem.end)
-    plain = isinstance(problem, Problem) and problem.n == 1 and not (problem.constraints or problem.unknowns)
-    plain = plain and problem.order == 1
+    plain = isinstance(problem, Problem) and problem.n == problem.order == 1
+    plain = plain and not (problem.constraints or problem.unknowns)
     return plain and problem.end_cost is None and not any(e.slides or e.periodic for e in ends)
 
 
@@ -809,9 +810,8 @@ def _not_looked(problem: Functional) -> str:
     """That other valleys were not looked for, and why there is no lattice; empty where there is one."""
     if any(isinstance(c, Holonomic) for c in problem.constraints):
         return "other valleys were not looked for: the curve is held to a surface"
-    if _takes_columns(problem):
-        return ""
-    return "other valleys were not looked for: what is stated holds an operation that NumPy has no form of"
+    lacking = "other valleys were not looked for: what is stated holds an operation that NumPy has no form of"
+    return "" if _takes_columns(problem) else lacking
 
 
 def _takes_columns(problem: Functional) -> bool:

@@ -13,7 +13,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.directions import Departures, along_directions, columns, polygonal
+from varcalc.existence.along_directions import along_directions
+from varcalc.existence.directions import Departures, columns, polygonal
 from varcalc.existence.moved_polygons import marked, refined
 from varcalc.existence.polygons import NEAR, PIECES, PIECES_ACROSS, PolygonLattice, Valley, across_the_landscape
 from varcalc.existence.together import AlongAxes, together

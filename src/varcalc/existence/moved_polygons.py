@@ -12,7 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from varcalc.existence.polygons import Landscape, Valley, values_of
+from varcalc.existence.landscape import Landscape
+from varcalc.existence.polygons import Valley, values_of
 from varcalc.numerics.mesh import composite_gauss
 
 GAUSS_SHARES = 0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)

@@ -12,7 +12,7 @@ evenly, with the ones on which a resting curve is cheapest among them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -20,11 +20,13 @@ from typing import Protocol
 import numpy as np
 
 from varcalc.existence.falling import Fall, falls_along
+from varcalc.existence.landscape import Landscape, LandscapeWithUnit, ValuesAt
 from varcalc.formulation import Sampled, formulate
-from varcalc.formulation.height import breadths
+from varcalc.formulation.height import breadths, turns_along_lines
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.problem import Problem
+from varcalc.symbolic.evaluation import PART
 
 PIECES = 10
 """Pieces of the polygons."""
@@ -54,7 +56,7 @@ WORTH_FOLLOWING, WORTH_MOVING = 0.5, 0.6
 """How far above the known curve's polygon a valley may lie to be followed, in units of what that one sums, and, to be
 moved before, in units of what its own pieces sum."""
 MOST_PATHS, MOST_TRIED = 16, 48
-"""Polygons that are read, the lowest first, and those that are looked at for that."""
+"""Polygons that are kept, the lowest first, and those that are read for that."""
 WAY_THERE = np.linspace(0, 1, 11)
 """Where on the way from one polygon to another a ridge is looked for."""
 FARTHEST_ARCH, NEARER_ARCH = 10.0 ** np.concatenate([np.arange(12.0, 2, -3), np.arange(2.0, -13, -1)]), 1e3
@@ -73,20 +75,14 @@ RULES, FINEST_RULE, NEARLY_KNOWN = (1, 2, 4), 8, 0.02
 
 What varies along the interval more than once or twice a piece misleads the midpoint rule.
 """
-BESIDE_OWN = np.arange(-6, 7, 2)
-"""Levels beside the curve's along which it is seen how many are needed."""
+BESIDE_OWN, OWN_LINE = np.arange(-6, 7, 2), 3
+"""Levels beside the curve's along which it is seen how many are needed, and which of them is its own."""
 NO_RIDGE, LOW_RIDGE = 1e-12, 1e-2
 """Height of a ridge, relative to what is summed, that is round-off, and one that coarse pieces make."""
 PIECES_ACROSS, LEVELS = 24, 64
 """Pieces of the polygons, and levels that lie evenly."""
 DEPARTURES = 2.0 ** np.arange(-10, 6, 0.25)
 """Departures at which L is asked for its turns, either way, in units of the larger of the extent and the interval."""
-NO_CHANGE = 1e-7
-"""Change of L from one to the next, relative to its size there, that is none."""
-NEAREST_TURNS = 8
-"""Turns of a vertical line that are taken, the nearest ones: what is periodic has no end of them."""
-LEAST_SWING = 1e-3
-"""How much L changes from a turn to the next, of its greatest such change, for the levels to reach so far."""
 LEVEL_MARGIN = 0.25
 """Share of their range by which the levels go beyond the turns."""
 FAR_APART, ABOUT, LEVELS_FAR, LEVELS_ABOUT = 3.0, 0.25, 36, 36
@@ -101,50 +97,6 @@ CLOSER_LEVELS = 8
 """Times as many levels at which the cheapest ones for a curve at rest are looked for."""
 
 
-class Landscape(Protocol):
-    """A functional of first order of curves that one function describes, as it is minimised.
-
-    ``span`` is the interval, ``sign`` -1 where it is maximised, ``held`` tells which ends are fixed, ``closed`` that
-    they are one, ``approximate`` that the values are not the functional's own: they show valleys, no more. At the
-    ``waypoints`` a curve is where the known one is.
-    """
-
-    span: tuple[float, float]
-    sign: float
-    held: tuple[bool, bool]
-    closed: bool
-    approximate: bool
-    waypoints: tuple[float, ...]
-
-    def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """L on arrays that broadcast."""
-        ...
-
-    def own_values(self, x: np.ndarray, weights: np.ndarray, y: np.ndarray, v: np.ndarray) -> bool:
-        """Whether the values along one curve, at x (m,) with the weights of a rule, are the functional's own."""
-        ...
-
-    def at_end(self, side: int, y: np.ndarray) -> np.ndarray:
-        """What ordinates at the start (0) or the end (1) add."""
-        ...
-
-    def along(self, valley: Sampled) -> Sampled:
-        """The curve of the problem that a function of x, which gives (1, m), stands for."""
-        ...
-
-
-class LandscapeWithUnit(Landscape, Protocol):
-    """A landscape that has a unit of its own."""
-
-    def extent(self, y: np.ndarray) -> float:
-        """The unit in which departures from a curve with ordinates y (m,) are measured."""
-        ...
-
-    def beside_jumps(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-        """Ordinates (m,) just beside those at which L jumps, from y (m,) at x (m,)."""
-        ...
-
-
 class Graphs:
     """The landscape of the graphs of one function, which is one of its breadths wide: the first, unless it is told."""
 
@@ -157,6 +109,10 @@ class Graphs:
     def values(self, x: np.ndarray, y: np.ndarray, v: np.ndarray) -> np.ndarray:
         """L as it is minimised, on arrays that broadcast."""
         return self.sign * self.problem.integrand_on(x, y, v)
+
+    def at(self, x: np.ndarray) -> ValuesAt:
+        """The same at abscissae x (G, K)."""
+        return lambda some, y, v: self.values(x[:, some, None, None], y, v)
 
     def own_values(self, x: np.ndarray, weights: np.ndarray, y: np.ndarray, v: np.ndarray) -> bool:  # noqa: ARG002
         """They are: there is no condition."""
@@ -254,6 +210,78 @@ class Valleys(Protocol):
         ...
 
 
+Path = tuple[int, ...]
+"""The numbers of the nodes of a path, one a row."""
+
+
+class LeastPaths:
+    """The least paths over rows of J nodes, of which pieces add the ``costs`` (K, J, J), and ends what is ``at_ends``.
+
+    None leads to a node that is ``barred`` (K + 1, J), but for the first row. Through a node the least path sums one of
+    the ``values`` (K + 1, J).
+    """
+
+    def __init__(self, costs: np.ndarray, barred: np.ndarray, at_ends: tuple[np.ndarray, np.ndarray]) -> None:
+        count = len(costs)
+        self._costs = costs
+        self._reached, self._left = np.empty(barred.shape), np.empty(barred.shape)
+        self._reached[0], self._left[count] = at_ends
+        self._left[count, barred[count]] = np.inf
+        for k in range(count):
+            np.min(self._reached[k][:, None] + costs[k], axis=0, out=self._reached[k + 1])
+            self._reached[k + 1, barred[k + 1]] = np.inf
+        for k in range(count - 1, -1, -1):
+            np.min(costs[k] + self._left[k + 1], axis=1, out=self._left[k])
+            if k:
+                self._left[k, barred[k]] = np.inf
+        self.values = self._reached + self._left
+        self._steps: dict[tuple[int, int, int], int] = {}
+
+    def lowest(self, own: np.ndarray) -> Iterator[tuple[float, Path]]:
+        """What the lowest paths sum by nodes at which a row has a minimum, and these, but for nodes ``own`` (K + 1,).
+
+        Of those through nodes that another passes none is told.
+        """
+        least = minima(self.values) & np.isfinite(self.values)
+        least[np.arange(len(least)), own] = False
+        nodes, passed, tried = np.argwhere(least), set[tuple[int, int]](), 0
+        for k, j in nodes[np.argsort(self.values[least], kind="stable")].tolist():
+            if (k, j) in passed:  # the least path through it is known
+                continue
+            tried += 1
+            path = self._path(k, j)
+            passed |= set(enumerate(path))
+            yield float(self.values[k, j]), path
+            if tried == MOST_TRIED:
+                break
+
+    def _path(self, row: int, node: int) -> Path:
+        """The least path through a node."""
+        path = [node]
+        for k in range(row, 0, -1):
+            path.insert(0, self._next(k, -1, path[0]))
+        for k in range(row, len(self._costs)):
+            path.append(self._next(k, 1, path[-1]))
+        return tuple(path)
+
+    def _next(self, row: int, way: int, node: int) -> int:
+        """The node of the row before (-1) or behind (1) by which the least path comes to one of a row."""
+        known = self._steps.get((row, way, node))
+        if known is None:
+            there = self._left[row + 1] if way > 0 else self._reached[row - 1]
+            pieces = self._costs[row, node] if way > 0 else self._costs[row - 1, :, node]
+            known = self._steps[row, way, node] = int(np.argmin(there + pieces))
+        return known
+
+
+def minima(values: np.ndarray) -> np.ndarray:
+    """The nodes of a row, or of each of several, (..., J), at which nothing beside it is lower."""
+    found = np.ones(values.shape, dtype=bool)
+    found[..., 1:] &= values[..., 1:] <= values[..., :-1]
+    found[..., :-1] &= values[..., :-1] <= values[..., 1:]
+    return found
+
+
 class Lattice:
     """Polygons through ``nodes`` (K + 1, J), ascending ordinates at the abscissae x; ``own`` are those of a curve.
 
@@ -263,8 +291,9 @@ class Lattice:
     bounded = False
 
     def __init__(
-        self, landscape: Landscape, x: np.ndarray, nodes: np.ndarray, own: np.ndarray, reach: float, steep: float
-    ) -> None:
+        self, landscape: LandscapeWithUnit, x: np.ndarray, nodes: np.ndarray, own: np.ndarray,
+        reach: float, steep: float,
+    ) -> None:  # fmt: skip
         self.landscape, self.x, self.nodes, self.own, self.reach, self.steep = landscape, x, nodes, own, reach, steep
         self.c = nodes[np.arange(len(x)), own]
         self.steps = np.diff(x)
@@ -273,47 +302,66 @@ class Lattice:
     @cached_property
     def costs(self) -> np.ndarray:
         """What each piece adds that leads from one node to another, (K, J, J)."""
-        first, last, h = self.nodes[:-1, :, None], self.nodes[1:, None, :], self.steps[:, None, None]
-        values = self._meant(self._rule, self.x[:-1, None, None], h, first, last)
-        return np.where(np.isfinite(values), values, np.inf) * h
+        count, J = len(self.steps), self.nodes.shape[1]
+        shares, weights = _shares(self._rule)
+        values = self.landscape.at(self.x[:-1] + shares[:, None] * self.steps)
+        found, most = np.empty((count, J, J)), max(1, PART // (len(shares) * J * J))
+        for k in range(0, count, most):  # as many pieces at once as stay in the cache
+            some = slice(k, min(k + most, count))
+            first, h = self.nodes[:-1][some, :, None], self.steps[some, None, None]
+            rise = self.nodes[1:][some, None] - first
+            y, v = first + shares[:, None, None, None] * rise, (rise / h)[None]
+            found[some] = np.tensordot(weights, np.broadcast_to(values(some, y, v), y.shape), 1) * (0.5 * h)
+        found[~np.isfinite(found)] = np.inf
+        return found
 
-    @cached_property
+    @property
     def _rule(self) -> int:
         """The Gauss points on a piece: the fewest by which what lines near the curve sum is nearly known, mostly.
 
         Where none do, as beside a singular end, they are as good as any.
         """
-        beside = np.clip(self.own + BESIDE_OWN[:, None], 0, self.nodes.shape[1] - 1)
-        lines = self.nodes[np.arange(len(self.x)), beside]
-        known, room = self._along(FINEST_RULE, lines), self._known_nearly
-        for points in RULES:
-            missed = np.abs(self._along(points, lines) - known)
-            missed = missed[np.isfinite(missed)]
-            if not (len(missed) and np.median(missed) > room):
-                return points
-        return RULES[0]
+        return self._by_rule[0]
 
     @cached_property
+    def _by_rule(self) -> tuple[int, np.ndarray]:
+        """That many, and L on average along the pieces of the curve's own polygon by them, (K,)."""
+        known, room = self._finely @ self.steps, self._known_nearly
+        for points in RULES:
+            means = self._beside_own(points)
+            missed = np.abs(means @ self.steps - known)
+            missed = missed[np.isfinite(missed)]
+            if not (len(missed) and np.median(missed) > room):
+                return points, means[OWN_LINE]
+        return RULES[0], self._beside_own(RULES[0])[OWN_LINE]
+
+    @cached_property
+    def _finely(self) -> np.ndarray:
+        """L on average along the pieces of lines near the curve, (lines, K), by many points."""
+        return self._beside_own(FINEST_RULE)
+
+    def _beside_own(self, points: int) -> np.ndarray:
+        """The same by so many Gauss points."""
+        beside = np.clip(self.own + BESIDE_OWN[:, None], 0, self.nodes.shape[1] - 1)
+        lines = self.nodes[np.arange(len(self.x)), beside]
+        return self._meant(points, self.x[:-1], self.steps, lines[:, :-1], lines[:, 1:])
+
+    @property
     def _known_nearly(self) -> float:
         """How nearly sums have to be known."""
-        pieces = self._meant(FINEST_RULE, self.x[:-1], self.steps, self.c[:-1], self.c[1:])
-        return NEARLY_KNOWN * float(np.abs(pieces) @ self.steps)
+        return NEARLY_KNOWN * float(np.abs(self._finely[OWN_LINE]) @ self.steps)
 
     @property
     def summable(self) -> bool:
         """Whether what the curve's own polygon sums is nearly known: at a singular end no rule tells it."""
-        return abs(float(self._along(FINEST_RULE, self.c)) - float(self.own_costs.sum())) <= self._known_nearly
-
-    def _along(self, points: int, curves: np.ndarray) -> np.ndarray:
-        """What polygons through ``curves`` (..., K + 1) sum, by so many Gauss points a piece."""
-        return self._meant(points, self.x[:-1], self.steps, curves[..., :-1], curves[..., 1:]) @ self.steps
+        return abs(float(self._finely[OWN_LINE] @ self.steps) - float(self.own_costs.sum())) <= self._known_nearly
 
     def _meant(self, points: int, x: np.ndarray, h: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
         """L on average along pieces that begin at x, ``h`` long, by so many Gauss points."""
-        nodes, weights = gauss(points)
-        slope = (last - first) / h
-        share = 0.5 * (1 + nodes).reshape(-1, *np.ones(np.ndim(slope), dtype=int))
-        values = values_of(self.landscape, x + share * h, first + share * (last - first), slope[None])
+        shares, weights = _shares(points)
+        rise = last - first
+        shares = shares.reshape(-1, *np.ones(np.ndim(rise), dtype=int))
+        values = values_of(self.landscape, x + shares * h, first + shares * rise, (rise / h)[None])
         return 0.5 * np.tensordot(weights, values, 1)
 
     @cached_property
@@ -340,92 +388,64 @@ class Lattice:
 
     @cached_property
     def _valleys(self) -> list[Valley]:
-        costs = np.where(self.walls[1:, None, :], np.inf, self.costs)
-        paths = self._closed_paths(costs) if self.landscape.closed else self._paths(costs)
-        return [self._valley(path, *told) for path, told in sorted(paths.items(), key=lambda p: p[1])]
-
-    def _paths(self, costs: np.ndarray) -> dict[tuple[int, ...], tuple[float, float]]:
-        """The numbers of the nodes of these polygons, their values and sizes."""
-        count, J = len(self.steps), self.nodes.shape[1]
-        forward, backward = np.full((2, count + 1, J), np.inf)
-        for side, row in enumerate((forward[0], backward[count])):
-            own = self.own[-side]
-            begun = own if self.landscape.held[side] else slice(None)
-            row[begun] = self.landscape.at_end(side, self.nodes[-side])[begun]
-        for k in range(count):
-            np.min(forward[k][:, None] + costs[k], axis=0, out=forward[k + 1])
-        for k in range(count - 1, -1, -1):
-            np.min(costs[k] + backward[k + 1], axis=1, out=backward[k])
-        through = forward + backward
-        least = self.minima(through) & np.isfinite(through)
-        least[np.arange(count + 1), self.own] = False
-        paths: dict[tuple[int, ...], tuple[float, float]] = {}
-        passed: set[tuple[int, int]] = set()
-        nodes = np.argwhere(least)
-        tried = 0
-        for k, j in nodes[np.argsort(through[least], kind="stable")].tolist():
-            if (k, j) in passed:  # the least polygon through it is known
-                continue
-            tried += 1
-            path = [j]
-            for i in range(k, 0, -1):
-                path.insert(0, int(np.argmin(forward[i - 1] + costs[i - 1][:, path[0]])))
-            for i in range(k, count):
-                path.append(int(np.argmin(costs[i][path[-1]] + backward[i + 1])))
-            passed |= set(enumerate(path))
-            size = float(np.abs(costs[np.arange(count), path[:-1], path[1:]]).sum())
-            if through[k, j] < self.ceiling(size):
-                paths[tuple(path)] = float(through[k, j]), size
-            if len(paths) == MOST_PATHS or tried == MOST_TRIED:
+        found: list[tuple[float, float, Path]] = []
+        for value, path in self._paths():
+            size = float(np.abs(self.costs[np.arange(len(self.steps)), path[:-1], path[1:]]).sum())
+            if value < self.ceiling(size):
+                found.append((value, size, path))
+            if len(found) == MOST_PATHS and not self.landscape.closed:
                 break
-        return paths
+        return [self._valley(path, value, size) for value, size, path in sorted(found, key=lambda f: f[:2])]
 
-    def _closed_paths(self, costs: np.ndarray) -> dict[tuple[int, ...], tuple[float, float]]:
-        """The same of polygons that end where they began: the least one from each node of the first row."""
-        J = self.nodes.shape[1]
-        forward = [np.where(np.eye(J, dtype=bool), 0.0, np.inf)]
-        for own in costs:
-            forward.append((forward[-1][:, :, None] + own).min(axis=1))
-        closed = forward[-1].diagonal()
-        least = self.minima(closed) & np.isfinite(closed)
-        least[self.own[0]] = False
-        paths: dict[tuple[int, ...], tuple[float, float]] = {}
-        for j in np.flatnonzero(least).tolist():
-            path = [j]
-            for i in range(len(costs) - 1, -1, -1):
-                path.insert(0, int(np.argmin(forward[i][j] + costs[i][:, path[0]])))
-            size = float(np.abs(costs[np.arange(len(costs)), path[:-1], path[1:]]).sum())
-            if closed[j] < self.ceiling(size):
-                paths[tuple(path)] = float(closed[j]), size
-        return paths
+    def _paths(self) -> Iterator[tuple[float, Path]]:
+        """What these polygons sum, and the numbers of their nodes."""
+        if self.landscape.closed:
+            from varcalc.existence.closed_paths import closed_paths  # few curves are closed
 
-    def minima(self, values: np.ndarray) -> np.ndarray:
-        """The nodes of a row, or of each of several, (..., J), at which nothing beside it is lower."""
-        beside = np.pad(values, [(0, 0)] * (values.ndim - 1) + [(1, 1)], constant_values=np.inf)
-        return (values <= beside[..., :-2]) & (values <= beside[..., 2:])
+            return closed_paths(self.costs, self.walls, int(self.own[0]))
+        return self.least.lowest(self.own)
+
+    @cached_property
+    def least(self) -> LeastPaths:
+        """The least polygons through each node."""
+        ends = []
+        for side in (0, 1):
+            begun = self.landscape.at_end(side, self.nodes[-side])
+            elsewhere = self.landscape.held[side] & (np.arange(len(begun)) != self.own[-side])
+            ends.append(np.where(elsewhere, np.inf, begun))
+        return LeastPaths(self.costs, self.walls, (ends[0], ends[1]))
 
     def _valley(self, path: tuple[int, ...], value: float, size: float) -> Valley:
         numbers = np.array(path)
         edge = bool(((numbers <= 1) | (numbers >= self.nodes.shape[1] - 2)).any())
         y = self.nodes[np.arange(len(self.x)), numbers]
-        apart = float(np.median(np.diff(self.nodes, axis=1)))
-        return Valley(self.x, y, value, edge, apart=apart, steep=self.bounded, size=size)
+        return Valley(self.x, y, value, edge, apart=self._apart, steep=self.bounded, size=size)
+
+    @cached_property
+    def _apart(self) -> float:
+        """How far neighbouring nodes lie apart, mostly."""
+        return float(np.median(np.diff(self.nodes, axis=1)))
 
     @cached_property
     def own_costs(self) -> np.ndarray:
         """What the pieces of the curve's own polygon add, (K,)."""
-        means = self._meant(self._rule, self.x[:-1], self.steps, self.c[:-1], self.c[1:])
+        means = self._by_rule[1]
         return np.where(np.isfinite(means), means, np.inf) * self.steps
 
     @property
     def summed(self) -> float:
         """The size of what the curve's own polygon sums."""
-        return float(np.abs(self.own_costs).sum())
+        return self._own[1]
 
     @property
     def own_value(self) -> float:
         """The functional along the curve's own polygon."""
-        return float(self.own_costs.sum()) + at_ends(self.landscape, self.c)
+        return self._own[0]
+
+    @cached_property
+    def _own(self) -> tuple[float, float]:
+        """Both."""
+        return float(self.own_costs.sum()) + at_ends(self.landscape, self.c), float(np.abs(self.own_costs).sum())
 
     @property
     def low(self) -> float:
@@ -436,10 +456,10 @@ class Lattice:
         """The value from which on a valley whose pieces add that much, without their signs, is not looked at."""
         return max(self.low, self.own_value + WORTH_MOVING * size)
 
-    @cached_property
+    @property
     def room(self) -> np.ndarray | float:
         """The departure by which two polygons are in valleys of their own."""
-        return APART * float(np.median(np.diff(self.nodes, axis=1)))
+        return APART * self._apart
 
     def distinct(self, among: Sequence[Valley] | None = None) -> list[Valley]:
         """The lowest valleys, ``among`` some, of which none comes near another, or the own polygon, all along."""
@@ -481,32 +501,41 @@ class Lattice:
                 return falls_along(self.landscape, self.x, self.c, away[k])
         return None
 
-    def apart(self, valley: Valley) -> bool:
-        """Whether a ridge lies between the curve's polygon and a valley, or nothing but a way down leads there."""
-        sums = self._on_way(self.c, valley)
-        return _ridged(sums, NO_RIDGE * abs(sums[0])) or (valley.edge and bool(sums[-1] < sums[0]))
+    def apart(self, valleys: Sequence[Valley]) -> np.ndarray:
+        """Whether a ridge lies between the curve's polygon and each valley, or nothing but a way down leads there."""
+        sums = self._on_way(self.c, valleys)
+        leaves = np.array([valley.edge for valley in valleys], dtype=bool)
+        return _ridged(sums, NO_RIDGE * np.abs(sums[:, 0])) | (leaves & (sums[:, -1] < sums[:, 0]))
 
-    def parted(self, lower: Valley, valley: Valley) -> bool:
-        """Whether a ridge lies between two valleys: else they lead to one curve."""
-        return _ridged(self._on_way(lower.y, valley), LOW_RIDGE * max(lower.size, valley.size))
+    def parted(self, lower: Valley, valleys: Sequence[Valley]) -> np.ndarray:
+        """Whether a ridge lies between one valley and each of others: else they lead to one curve."""
+        sizes = np.array([max(lower.size, valley.size) for valley in valleys])
+        return _ridged(self._on_way(lower.y, valleys), LOW_RIDGE * sizes)
 
-    def bends_down(self, valley: Valley) -> bool:
+    def bends_down(self, valleys: Sequence[Valley]) -> np.ndarray:
         """Whether the functional bends down on the way: a coarse polygon may lie higher than the ridge before it."""
-        sums = self._on_way(self.c, valley)
-        return bool(np.diff(sums, 2).min() < -NO_RIDGE * max(abs(sums[0]), abs(sums[-1])))
+        sums = self._on_way(self.c, valleys)
+        return np.diff(sums, 2).min(1) < -NO_RIDGE * np.abs(sums[:, [0, -1]]).max(1)
 
-    def _on_way(self, first: np.ndarray, valley: Valley) -> np.ndarray:
-        """What polygons sum on the way from a ``first`` one, (K + 1,), to that of a valley."""
-        away = valley.y - first
-        sums = self._along(self._rule, first + WAY_THERE[:, None] * away)
+    def _on_way(self, first: np.ndarray, valleys: Sequence[Valley]) -> np.ndarray:
+        """What polygons sum on the way from a ``first`` one, (K + 1,), to that of each valley, (valleys, places)."""
+        away = np.array([valley.y - first for valley in valleys]).reshape(-1, len(first))
+        on_way = first + WAY_THERE[:, None] * away[:, None]
+        sums = self._meant(self._rule, self.x[:-1], self.steps, on_way[..., :-1], on_way[..., 1:]) @ self.steps
         for side in (0, 1):
-            sums = sums + self.landscape.at_end(side, first[-side] + WAY_THERE * away[-side])
+            sums = sums + self.landscape.at_end(side, on_way[..., -side])
         return sums
 
 
-def _ridged(sums: np.ndarray, room: float) -> bool:
-    """Whether sums on the way from one polygon to another rise above both by more than that, or one is no number."""
-    return bool(not np.isfinite(sums).all() or sums.max() > max(sums[0], sums[-1]) + room)
+def _shares(points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where on a piece so many Gauss points lie, and their weights, which sum to 2."""
+    nodes, weights = gauss(points)
+    return 0.5 * (1 + nodes), weights
+
+
+def _ridged(sums: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """Where sums (P, places) on the way to a polygon rise above both ends by more than that, or one is no number."""
+    return ~np.isfinite(sums).all(1) | (sums.max(1) > np.maximum(sums[:, 0], sums[:, -1]) + room)
 
 
 def at_ends(landscape: Landscape, y: np.ndarray) -> float:
@@ -630,25 +659,33 @@ def _unit(landscape: Landscape, x: np.ndarray, c: np.ndarray, extent: float) -> 
     return min(about) if about else max(found, default=extent)
 
 
-def across_the_landscape(landscape: LandscapeWithUnit, ordinates: Callable[[np.ndarray], np.ndarray]) -> Lattice | None:
-    """The lattice of levels, with the curve's own ordinates among them; None where L has no two minima in y."""
+def across_the_landscape(
+    landscape: LandscapeWithUnit, ordinates: Callable[[np.ndarray], np.ndarray], about: Lattice | None = None
+) -> Lattice | None:
+    """The lattice of levels, with the curve's own ordinates among them; None where L has no two minima in y.
+
+    It goes no farther than it is worth by the lattice ``about`` the curve, if that is given.
+    """
     x = np.union1d(np.linspace(*landscape.span, PIECES_ACROSS + 1), landscape.waypoints)
     c = ordinates(x)
     extent = landscape.extent(c)
-    turns = _turns(landscape, x, c, extent)
-    if turns is None:
+    places = _where_it_turns(landscape, x, c, extent)
+    if places is None:
         return None
-    low, high = min(turns.min(), c.min()), max(turns.max(), c.max())
+    low, high = min(places.min(), c.min()), max(places.max(), c.max())
     room = LEVEL_MARGIN * (high - low)
     # beside the curve a few of many that reach far tell nothing
     far = high - low > FAR_APART * extent
     levels = np.linspace(low - room, high + room, LEVELS_FAR if far else LEVELS)
-    levels = np.union1d(levels, _rests(landscape, x, levels))
+    from varcalc.existence.worth_crossing import worth_crossing  # few landscapes have hills and wells
+
+    ends, worth = levels[[0, -1]], (-math.inf, math.inf) if about is None else worth_crossing(about)
+    levels = np.union1d(levels, _rests(landscape, x, levels, worth))
     if far:
-        about = ABOUT * extent
-        levels = np.union1d(levels, np.linspace(c.min() - about, c.max() + about, LEVELS_ABOUT))
-    beside = _edges(landscape, x, c, levels[[0, -1], None] + np.zeros(len(x)))
-    beside += landscape.beside_jumps(x, c)
+        beyond = ABOUT * extent
+        levels = np.union1d(levels, np.linspace(c.min() - beyond, c.max() + beyond, LEVELS_ABOUT))
+    levels = levels[(levels >= worth[0]) & (levels <= worth[1])]
+    beside = _edges(landscape, x, c, ends[:, None] + np.zeros(len(x))) + landscape.beside_jumps(x, c)
     nodes, own = _in_order(c, beside, np.broadcast_to(levels, (len(x), len(levels))))
     return Lattice(landscape, x, nodes, own, float(high - low), extent / float(np.ptp(x)))
 
@@ -682,54 +719,17 @@ def _edges(landscape: Landscape, x: np.ndarray, c: np.ndarray, ends: np.ndarray)
     return found
 
 
-def _turns(landscape: Landscape, x: np.ndarray, c: np.ndarray, unit: float) -> np.ndarray | None:
+def _where_it_turns(landscape: Landscape, x: np.ndarray, c: np.ndarray, unit: float) -> np.ndarray | None:
     """The ordinates at which L turns as y goes either way from the curve; None where no line has two minima."""
     middle, centre, slope = 0.5 * (x[1:] + x[:-1]), 0.5 * (c[1:] + c[:-1]), np.diff(c) / np.diff(x)
     y = centre[:, None] + unit * np.concatenate([-DEPARTURES[::-1], [0.0], DEPARTURES])
-    values = values_of(landscape, middle[:, None], y, slope[:, None])
-    change = np.diff(values)
-    told = np.isfinite(change) & (np.abs(change) > NO_CHANGE * (np.abs(values[:, 1:]) + np.abs(values[:, :-1])))
-    found: list[np.ndarray] = []
-    swings: list[np.ndarray] = []
-    several = False
-    for row, at, rates, own in zip(told, y, change, values, strict=True):
-        steps = np.flatnonzero(row)
-        signs = np.sign(rates[steps])
-        turning = np.flatnonzero(signs[1:] != signs[:-1])
-        if not len(steps):
-            continue
-        # where a hill's foot is flat there is no turn, but it is as low as a minimum
-        falls = (signs[0] > 0, signs[-1] < 0)
-        feet = (falls[0] and steps[0] > 0, falls[1] and steps[-1] < len(row) - 1)
-        minima = int((signs[turning] < 0).sum()) + sum(feet)
-        # what falls on beyond a hill is a valley as well: how deep it is slopes tell, which cost the more
-        on = [k for k in (0, 1) if falls[k] and not feet[k]]
-        several = several or minima + len(on) > 1
-        turning = np.sort(turning[np.argsort(np.abs(steps[turning] - len(DEPARTURES)), kind="stable")[:NEAREST_TURNS]])
-        places = steps[turning] + 1
-        found.append(at[places])
-        swings.append(_swings(own, places, (steps[0], steps[-1] + 1)))
-        # what descends to where curves may not go is lowest there
-        last = [(steps[0], steps[0] - 1, feet[0]), (steps[-1] + 1, steps[-1] + 2, feet[1])]
-        edges = [k for k, beyond, foot in last if foot and beyond in range(len(own)) and own[beyond] == np.inf]
-        found.append(at[edges])
-        found.append(at[len(DEPARTURES)] + unit * np.array([-1.0, 1.0])[on])
-        swings.append(np.full(len(edges) + len(on), np.inf))
-    if not several:
-        return None
-    turns, swing = np.concatenate(found), np.concatenate(swings)
-    return turns[swing >= LEAST_SWING * swing[np.isfinite(swing)].max(initial=0.0)]
+    return turns_along_lines(y, values_of(landscape, middle[:, None], y, slope[:, None]), unit)
 
 
-def _swings(values: np.ndarray, turns: np.ndarray, ends: tuple[int, int]) -> np.ndarray:
-    """By how much a row of values changes from each of its turns to the next, the larger of both sides."""
-    steps = np.abs(np.diff(values[[ends[0], *turns, ends[1]]]))
-    return np.maximum(steps[1:], steps[:-1])
-
-
-def _rests(landscape: Landscape, x: np.ndarray, levels: np.ndarray) -> np.ndarray:
+def _rests(landscape: Landscape, x: np.ndarray, levels: np.ndarray, within: tuple[float, float]) -> np.ndarray:
     """The levels on which a curve at rest costs least among its neighbours, by a parabola through three."""
     y = np.linspace(levels[0], levels[-1], CLOSER_LEVELS * len(levels))
+    y = y[(y >= within[0]) & (y <= within[1])]
     values = values_of(landscape, 0.5 * (x[1:] + x[:-1])[:, None], y, np.zeros(1)).sum(0)
     inner = values[1:-1]
     k = 1 + np.flatnonzero((inner < values[:-2]) & (inner <= values[2:]))

@@ -14,7 +14,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from varcalc.existence.directions import AlongDirection, Departures
+from varcalc.existence.along_directions import AlongDirection
+from varcalc.existence.directions import Departures
 from varcalc.existence.moved_polygons import kept_vertices, moved, polygon_costs
 from varcalc.existence.polygons import NEAR, Lattice, Valley
 from varcalc.formulation import Sampled

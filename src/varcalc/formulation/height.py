@@ -1,4 +1,8 @@
-"""How high curves are bent that a method tries: what the functional feels, in whatever units it is written."""
+"""At which heights a functional changes, in whatever units it is written.
+
+How high curves are bent that a method tries is told by what the functional feels of bends, and where there are hills
+and wells by where L turns along vertical lines.
+"""
 
 from __future__ import annotations
 
@@ -40,6 +44,12 @@ FEW_HEIGHTS = 1e4
 """Ratio of the heights between which an integral changes its power, of one landscape."""
 MUCH_HIGHER = 8.0
 """How many times higher the functional may feel than the ends are apart, for one unit to show all of its landscape."""
+NO_CHANGE = 1e-7
+"""Change of L from one to the next, relative to its size there, that is none."""
+NEAREST_TURNS = 8
+"""Turns of a vertical line that are taken, the nearest ones: what is periodic has no end of them."""
+LEAST_SWING = 1e-3
+"""How much L changes from a turn to the next, of its greatest such change, for the levels to reach so far."""
 
 
 def height(form: Form) -> float:
@@ -178,3 +188,55 @@ def _integrands(form: Form) -> PointEvaluator:
     """The integrand of the functional and those of the levels."""
     rows = [form.integrand, *(c.expression for c in form.conditions.integrals)]
     return PointEvaluator(ca.Function("integrands", form.symbols.all, [ca.densify(ca.vertcat(*rows))]))
+
+
+def turns_along_lines(y: np.ndarray, values: np.ndarray, unit: float) -> np.ndarray | None:
+    """The ordinates at which the ``values`` (R, P) of L turn on R lines; None where no line has two minima.
+
+    On each they are asked at ascending ordinates y (R, P), of which the middle one is the curve's; ``unit`` is theirs.
+    """
+    change = np.diff(values)
+    told = np.isfinite(change) & (np.abs(change) > NO_CHANGE * (np.abs(values[:, 1:]) + np.abs(values[:, :-1])))
+    line, step = np.nonzero(told)
+    if not len(line):
+        return None
+    sign = np.sign(change[line, step])
+    first = np.flatnonzero(np.diff(line, prepend=-1))
+    last = np.append(first[1:], len(line)) - 1
+    # where a hill's foot is flat there is no turn, but it is as low as a minimum
+    falls = np.array([sign[first] > 0, sign[last] < 0])
+    feet = falls & np.array([step[first] > 0, step[last] < change.shape[1] - 1])
+    # what falls on beyond a hill is a valley as well: how deep it is slopes tell, which cost the more
+    on = falls & ~feet
+    turning = np.flatnonzero((line[1:] == line[:-1]) & (sign[1:] != sign[:-1]))
+    minima = np.bincount(line[turning[sign[turning] < 0]], minlength=len(y))[line[first]]
+    if not (minima + falls.sum(0) > 1).any():
+        return None
+    turning = _nearest(turning, line, np.abs(step - change.shape[1] // 2))
+    ends = np.zeros((2, len(y)), dtype=int)
+    ends[:, line[first]] = step[first], step[last] + 1
+    places = line[turning], step[turning] + 1
+    swing = _swings(values, *places, ends)
+    inner = y[places][swing >= LEAST_SWING * swing[np.isfinite(swing)].max(initial=0.0)]
+    # what descends to where curves may not go is lowest there
+    at = np.array([step[first], step[last] + 1])
+    beyond = np.clip(at + np.array([[-1], [1]]), 0, change.shape[1])
+    edges = feet & (values[line[first], beyond] == np.inf)
+    centre = y[line[first], change.shape[1] // 2]
+    return np.concatenate([inner, y[line[first], at][edges], (centre + unit * np.array([[-1.0], [1.0]]))[on]])
+
+
+def _nearest(turning: np.ndarray, line: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Those of the turns, by their numbers, that are the nearest ones of each line."""
+    order = turning[np.lexsort((turning, distance[turning], line[turning]))]
+    begun = np.searchsorted(line[order], line[order])
+    return np.sort(order[np.arange(len(order)) - begun < NEAREST_TURNS])
+
+
+def _swings(values: np.ndarray, line: np.ndarray, place: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """By how much the values change from each turn of a line to the next, or its ``ends``, the larger of both sides."""
+    same = line[1:] == line[:-1]
+    before, behind = ends[:, line]
+    before[1:][same], behind[:-1][same] = place[:-1][same], place[1:][same]
+    own = values[line, place]
+    return np.maximum(np.abs(own - values[line, before]), np.abs(values[line, behind] - own))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from varcalc.formulation import Sampled
 from varcalc.problem.conditions import told
 from varcalc.problem.functional import Functional, check_functional
 from varcalc.problem.problem import Curve
@@ -16,6 +18,17 @@ from varcalc.symbolic.tracing import check_arity
 
 Guess = Callable[[Any], Any] | Solution | None
 """A curve to start from: a function of the abscissa, or an earlier Solution."""
+
+
+@dataclass(frozen=True)
+class KnownCurve:
+    """A curve to start from that takes all abscissae at once, as a person's guess need not."""
+
+    curve: Sampled
+
+
+Start = Guess | KnownCurve
+"""What is started from, a person's guess or a curve that is known here."""
 GUESS_PLACES = 16
 """Abscissae at which a guess is looked at before it is used."""
 LARGEST = sys.float_info.max
@@ -93,8 +106,10 @@ def _check_kin(problem: Functional, guess: Solution) -> None:
         )
 
 
-def sampled_guess(problem: Functional, function: Callable[[Any], Any], x: np.ndarray) -> np.ndarray:
-    """A person's guess at x (m,), asked one abscissa at a time, as (n, m)."""
+def sampled_guess(problem: Functional, function: Callable[[Any], Any] | KnownCurve, x: np.ndarray) -> np.ndarray:
+    """A curve to start from at x (m,), as (n, m): a person's guess is asked one abscissa at a time."""
+    if isinstance(function, KnownCurve):
+        return function.curve(x)
     given = [function(float(v)) for v in x]
     try:
         rows = [np.asarray(v, dtype=float).ravel() for v in given]

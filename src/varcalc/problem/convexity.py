@@ -97,7 +97,7 @@ def _proved_in_another_ordinate(problem: Functional, span: tuple[float, float], 
     (at_rest,), *_ = shapes(whole(problem), [[span], [None], [0.0], [], [*values], []])
     if not log_convex_where_positive(at_rest) or not separates(whole(problem), values):
         return False
-    _, bounds, _ = _shapes(problem, span, values)
+    _, bounds, _ = shapes_of(problem, span, values)
     return all((low == -math.inf or b.concave) and (high == math.inf or b.convex) for (low, high), b in bounds)
 
 
@@ -117,7 +117,7 @@ def proved_quadratic(problem: Functional) -> bool:
     """
     if any(problem.slides) or problem.symbols.kind is not ca.SX:
         return False
-    integrand, constraints, cost = _shapes(problem, problem.span, tuple(problem.parameters.values()))
+    integrand, constraints, cost = shapes_of(problem, problem.span, tuple(problem.parameters.values()))
     levels = all(low == high and s.bare and s.part.affine for (low, high), s in constraints)
     return integrand.bare and levels and (cost is None or cost.bare)
 
@@ -126,7 +126,7 @@ def proved_quadratic(problem: Functional) -> bool:
 def _proved(problem: Functional, span: tuple[float, float], values: tuple[float, ...]) -> bool:
     if isinstance(problem, Curve) and any(_on_speed(problem, t) for t in problem.traced):
         return False
-    integrand, constraints, cost = _shapes(problem, span, values)
+    integrand, constraints, cost = shapes_of(problem, span, values)
     aims = [integrand] if cost is None else [integrand, cost]
     return all(s.concave if problem.maximise else s.convex for s in aims) and all(
         (low == -math.inf or s.concave) and (high == math.inf or s.convex) for (low, high), s in constraints
@@ -134,7 +134,7 @@ def _proved(problem: Functional, span: tuple[float, float], values: tuple[float,
 
 
 @derived
-def _shapes(
+def shapes_of(
     problem: Functional, span: tuple[float, float], values: tuple[float, ...]
 ) -> tuple[Shape, list[tuple[tuple[float, float], Shape]], Shape | None]:
     """The shapes of L, of each constraint, with what it lies between, and of the cost of the ends, if there is one."""

@@ -27,7 +27,7 @@ from varcalc.formulation.height import flat
 from varcalc.formulation.singular import Forms, Infinite, forms
 from varcalc.formulation.singular.detection import singular_ends
 from varcalc.methods.answer import in_coordinates_of, unsettled
-from varcalc.methods.arguments import Guess, check_arguments, check_guess, sampled_guess
+from varcalc.methods.arguments import Guess, KnownCurve, Start, check_arguments, check_guess, sampled_guess
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.resampled import polynomials
 from varcalc.problem.breaks import breakable, kinks_at_ends, on_curve, switches_of
@@ -255,12 +255,12 @@ def _next_to_polygon(problem: Functional, tol: float, method: Ritz, polygon: Pol
 
 
 def _next_to(problem: Functional, tol: float, method: Ritz, start: Sampled, marks: tuple[float, ...] = ()) -> Solution:
-    known = _broken(problem, method, tol, start, marks, LADDER[0])
+    known = _broken(problem, method, tol, KnownCurve(start), marks, LADDER[0])
     if known is not None:
         return known
-    return (
-        _on_mesh(problem, method, tol, start, marks) if marks else _made_out(_first_answer(problem, method, tol, start))
-    )
+    if marks:
+        return _on_mesh(problem, method, tol, start, marks)
+    return _made_out(_first_answer(problem, method, tol, KnownCurve(start)))
 
 
 def reconsidered(solution: Solution, method: Method | None, tol: float) -> Solution:
@@ -482,7 +482,7 @@ def _broken(
     problem: Functional,
     method: Method,
     tol: float,
-    guess: Guess,
+    guess: Start,
     marks: Sequence[float] = (),
     refining: Ritz | None = None,
 ) -> Solution | None:
@@ -542,7 +542,7 @@ def _explained(problem: Functional, found: Solution) -> Solution:
 
 
 def _first_answer(
-    problem: Functional, method: Method, tol: float, guess: Guess, failure: Solution | None = None
+    problem: Functional, method: Method, tol: float, guess: Start, failure: Solution | None = None
 ) -> Solution:
     """The first answer of a method that stands, over all forms; else the failure that got furthest.
 
@@ -738,8 +738,8 @@ def _worth_something(solution: Solution) -> Solution:
     return solution
 
 
-def _sampled(problem: Functional, form: Form, guess: Guess) -> Sampled | None:
-    """A guess in the coordinates of a form."""
+def _sampled(problem: Functional, form: Form, guess: Start) -> Sampled | None:
+    """What is started from in the coordinates of a form."""
     if guess is None:
         return None
     if isinstance(guess, Solution):

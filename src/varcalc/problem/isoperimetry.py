@@ -1,0 +1,86 @@
+"""What a curve of a given length can enclose at most, by the isoperimetric inequality."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+
+from varcalc.problem.conditions import Isoperimetric
+from varcalc.problem.convexity import shapes_of
+from varcalc.problem.functional import Functional
+from varcalc.problem.problem import Curve
+from varcalc.symbolic.convexity import Shape
+
+ANGLE_HALVINGS = 60
+"""Halvings by which the angle of an arc is found."""
+ALONE = -1
+ROWS = {0: 0, 1: 1, ALONE: 2}
+"""Where multiples of rates are kept that stand beside x, beside y, and alone."""
+
+
+def least_by_length(problem: Functional) -> float | None:
+    """The least that the integral of a curve in the plane can be, as it is minimised; None where that is not proved.
+
+    It is proved where L is a sum of multiples of coordinates times their rates, an area up to what the ends say, and a
+    level that of the length. No closed curve encloses more than a circle of its length, and between two given points
+    none does than an arc: with the rest of the arc's circle it would (Osserman, "The isoperimetric inequality", Bull.
+    Amer. Math. Soc. 84, 1978).
+    """
+    if not (isinstance(problem, Curve) and problem.n == 2 and problem.order == 1 and problem.symbols.kind is ca.SX):
+        return None
+    closed = bool(problem.start.periodic)
+    ends = np.array([end.values(2) for end in (problem.start, problem.end)])
+    if any(problem.slides) or problem.end_cost_expression is not None or not (closed or np.isfinite(ends).all()):
+        return None
+    integrand, constraints, _ = shapes_of(problem, problem.span, tuple(problem.parameters.values()))
+    told = zip(problem.traced, constraints, strict=True)
+    lengths = [_length(shape, high) for t, ((_, high), shape) in told if isinstance(t.constraint, Isoperimetric)]
+    products, length = _products(integrand), min(lengths, default=math.inf)
+    if products is None or not math.isfinite(length):
+        return None
+    chord = np.zeros(2) if closed else ends[1] - ends[0]
+    middle = np.zeros(2) if closed else 0.5 * (ends[0] + ends[1])
+    straight = float(middle @ products[:2] @ chord + products[2] @ chord)
+    enclosed = _segment(length, math.hypot(*chord.tolist()))
+    return problem.sign * straight - abs(products[0, 1] - products[1, 0]) * enclosed
+
+
+def _products(integrand: Shape) -> np.ndarray | None:
+    """The multiples (3, 2) of dx and dy times x, times y and alone that L is the sum of; None where it is not."""
+    part, found = integrand.part, np.zeros((3, 2))
+    terms = [*part.quadratic.items(), *(((ALONE, j), c) for j, c in part.linear.items())]
+    if not integrand.bare or part.constant != 0.0:
+        return None
+    for (i, j), c in terms:
+        if i not in ROWS or j not in (2, 3) or not isinstance(c, float):
+            return None
+        found[ROWS[i], j - 2] = c
+    return found
+
+
+def _length(level: Shape, most: float) -> float:
+    """The greatest length that a level leaves whose integral is at ``most`` so much; infinite where it is of no length.
+
+    It is of a multiple of the length where it is the root of the same multiple of both squares of the rates.
+    """
+    base = level.base
+    if base is None or level.exponent != 0.5 or not base.bare or base.part.linear or base.part.constant != 0.0:
+        return math.inf
+    scales = base.part.quadratic
+    scale = scales.get((2, 2))
+    if set(scales) != {(2, 2), (3, 3)} or scale != scales[3, 3] or not isinstance(scale, float):
+        return math.inf
+    return most / math.sqrt(scale)
+
+
+def _segment(length: float, chord: float) -> float:
+    """The area between an arc of a circle and its chord, of such lengths; none where the arc is no longer than that."""
+    if not chord < length:
+        return 0.0
+    low, high = 0.0, math.pi  # half the angle of the arc
+    for _ in range(ANGLE_HALVINGS):
+        half = 0.5 * (low + high)
+        low, high = (half, high) if math.sin(half) * length > chord * half else (low, half)
+    return (length / high) ** 2 / 4 * (high - math.sin(high) * math.cos(high))
