@@ -569,3 +569,15 @@ def test_rays_of_a_fish_eye_that_go_far_out_are_told():
     # on the sphere neighbours come apart as |sin|, and lengths in the plane are those of it over n
     spreads = [abs(math.sin(path)) * (1 + b @ b) / 2 for path in exact]
     np.testing.assert_allclose([ray.spreading for ray in rays], spreads, rtol=1e-7)
+
+
+def test_a_corner_of_a_table_is_no_layer_to_rest_along():
+    """Beside the least index of a table of lines rays turn in time: what goes over it comes no farther than it does."""
+    medium = optics.Tabulated([-1.0, -0.5, 0.0, 1.0], [1.5, 1.4, 1.5, 1.5], smooth=False)
+    scene, source = optics.Scene(medium), (0.0, -0.9)
+    for end in ((20.0, -0.3), (20.0, -0.8), (40.0, -0.45)):
+        rays = scene.rays(source, end)
+        assert rays.unresolved == 0
+        for ray in rays:
+            assert ray.legs
+            np.testing.assert_allclose(ray.point(ray.optical_path), end, atol=1e-8)

@@ -205,7 +205,7 @@ class HeightPairs:
         u = self.nodes.u[node]
         above, below, up = u >= upper[pair], u <= lower[pair], self.way[pair] > 0
         at_rest = np.stack([~above & ~below, np.where(up, above, below), np.where(up, below, above)], axis=1)
-        at_rest = np.column_stack([at_rest, at_rest & (self._lowest & ~self._stops)[node, None]])
+        at_rest = np.column_stack([at_rest, at_rest & self._lowest[node, None]])
         # the change of g is known to its own round-off, however small
         base = self.start[pair]
         gain, told = self.profile(base, self.nodes.u[node] - base).gain, self.nodes.g[node] - self.g[pair]
@@ -280,12 +280,14 @@ class HeightPairs:
 
     @cached_property
     def _lowest(self) -> np.ndarray:
-        """Which nodes are minima of g, between nodes that are told apart from them."""
+        """Which nodes are minima of g between nodes told apart from them, with no stop or jump between these."""
         u, g = self.nodes.u, self.nodes.g
         room = ONE_NODE * np.abs(u)
         before, after = np.searchsorted(u, u - room) - 1, np.searchsorted(u, u + room, side="right")
-        inner = (before >= 0) & (after < len(u))
-        return inner & (g[np.maximum(before, 0)] > g) & (g[np.minimum(after, len(u) - 1)] > g)
+        inner, before, after = (before >= 0) & (after < len(u)), np.maximum(before, 0), np.minimum(after, len(u) - 1)
+        stops = np.unique(np.append(self.profile.stops, self.profile.jumps))
+        within = np.searchsorted(stops, u[after]) - np.searchsorted(stops, u[before], side="right")
+        return inner & (g[before] > g) & (g[after] > g) & (within <= 0)
 
     @cached_property
     def _own(self) -> np.ndarray:
