@@ -5,8 +5,9 @@ The modules are imported where they are used, for most problems never need them.
 Beside an answer: ``global_look`` looks for other valleys over the lattices of ``polygons``, in the ``directions`` of
 what no one lattice holds, and for several functions ``together``; ``moved_polygons`` go to where the functional is
 less, ``bent_curves`` and ``shapes`` are for the second order, ``narrow_valleys`` and ``cheaper_ends`` for what is
-narrower than any lattice. ``broken_curve`` jumps at the ends, ``upright`` within a steep answer; ``displaced`` moves
-kinks that may lie anywhere; ``closer_meshes`` sees that nothing lies between the points of what is solved in pieces.
+narrower than any lattice, ``other_places`` for ends that slide, of ``kept_polygons`` under bounds and levels.
+``broken_curve`` jumps at the ends, ``upright`` within a steep answer; ``displaced`` moves kinks that may lie anywhere;
+``closer_meshes`` sees that nothing lies between the points of what is solved in pieces.
 
 Where L has kinks or jumps: ``refraction``, begun from what ``rounded`` or polygons show and solved ``in_pieces``;
 ``rests``, ``held_throughout``, ``held_ends``, ``constant_speed`` and ``above_kinks``; ``under_bounds``, begun from

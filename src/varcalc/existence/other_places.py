@@ -3,6 +3,9 @@
 phi is told on a grid about the known curve, and between two of its places that phi parts lies a point of phi = 0. The
 known curve, bent evenly towards such a point, is a curve that the problem admits where nothing else is asked of it.
 Points at which what is minimised along it is least of all around are where other valleys begin.
+
+Where bounds or levels are asked the drawn curve keeps neither. What is least among polygons that do, begun at a few of
+the points, slides to the places (:mod:`varcalc.existence.kept_polygons`).
 """
 
 from __future__ import annotations
@@ -13,7 +16,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.directions import SLACK, end_cost
+from varcalc.existence.directions import end_cost
+from varcalc.existence.kept_polygons import LABELS, PIECES_KEPT, KeptPolygon, KeptPolygons
 from varcalc.formulation import Sampled, formulate
 from varcalc.formulation.height import breadths
 from varcalc.numerics.mesh import composite_gauss
@@ -36,28 +40,31 @@ WORTH_FOLLOWING = 0.5
 """How far above the known value, in units of what is summed, a drawn curve may be for a valley to be lower."""
 NEAREST_ABSCISSA = 1e-2
 """Of the interval: how near to the other end the abscissa of a sliding end is looked for."""
-PLACES_HELD_TO_BOUNDS = 257
-"""Of a drawn curve."""
-LEVEL_TOLD = 1e-3
-"""How nearly these tell what it sums for a level, in units of that without its signs."""
+BEGUN_AT = 4
+"""Points on each grid at which polygons begin that keep what is asked."""
+SLID_TO_ONE, LEADS_LOWER = 0.05, 1e-3
+"""Distance of points, in units of the curve's extents, of polygons in one valley, and how far above the known value, in
+units of what is summed, one may be that leads lower.
+"""
 MOST_PLACES = 3
 """Points of one end from which valleys are followed."""
 PLACES_OF_EACH = 20
 """Points of each of two ends from which pairs are made."""
-LABELS = "start", "end"
 
 
 @dataclass(frozen=True)
 class PlaceOfEnds:
     """Points of phi = 0, with the ``start`` of a curve to them and the ``value`` of what is minimised along that.
 
-    ``ends`` slide from there, None for one that stays, and ``span`` is the interval.
+    ``ends`` slide from there, None for one that stays, and ``span`` is the interval. ``sure`` tells whether it is
+    sure that a curve is admitted there which has this value.
     """
 
     value: float
     ends: tuple[AnyEnd | None, AnyEnd | None]
     span: tuple[float, float]
     start: Sampled
+    sure: bool = True
 
     @property
     def label(self) -> str:
@@ -66,17 +73,24 @@ class PlaceOfEnds:
         return " and its ".join(moved)
 
 
-def looked_for(best: Solution) -> bool:
-    """Whether drawn curves tell where else an end may be best.
+def looked_for(best: Solution) -> str:
+    """What tells where else an end may be best, in words; empty where nothing does.
 
-    Those of graphs of one function or two, and of curves of the plane or of space, without waypoints. A level is asked
-    by its multiplier: what is begun there keeps it.
+    Graphs of one function or two are looked at, and curves of the plane or of space, without waypoints.
     """
     problem = best.problem
     coordinates = problem.n + isinstance(problem, Problem)
     asked = any(isinstance(c, Through) for c in problem.constraints)
     known = problem.order == 1 and coordinates in PLACES_ON_GRID and not (problem.unknowns or asked)
-    return known and best.curve is not None
+    if not (known and best.curve is not None):
+        return ""
+    begun = "polygons that keep what is asked begun at some" if _conditioned(problem) else "curves drawn to"
+    return f"{begun} other places of the ends that slide"
+
+
+def _conditioned(problem: Functional) -> bool:
+    """Whether a curve that is drawn elsewhere may keep less than the known one."""
+    return any(problem.of_type(Bound)) or any(problem.of_type(Isoperimetric))
 
 
 def other_places(best: Solution) -> list[PlaceOfEnds]:
@@ -89,8 +103,34 @@ def other_places(best: Solution) -> list[PlaceOfEnds]:
         return []
     sliding = [side for side in (0, 1) if problem.slides[side]]
     moved = [(side,) for side in sliding] + ([(0, 1)] if len(sliding) == 2 else [])
-    found = [place for sides in moved for place in _Drawn(best, sides).places()]
+    drawn = [_Drawn(best, sides) for sides in moved]
+    found = _kept_places(best, drawn) if _conditioned(problem) else [p for some in drawn for p in some.places()]
     return sorted(found, key=lambda place: place.value)
+
+
+def _kept_places(best: Solution, drawn: Sequence[_Drawn]) -> list[PlaceOfEnds]:
+    """Where the least polygons slide to that keep bounds and levels, begun where curves are ``drawn`` to."""
+    assert best.curve is not None
+    first = drawn[0]
+    x = np.linspace(*first.span, PIECES_KEPT + 1)
+    polygons = KeptPolygons(best.problem, x, best.curve(x, 0))
+    with np.errstate(all="ignore"):
+        known = polygons.stated(x, best.curve(x, 0))
+        begun = [polygons.least(*first.vertices(ends)) for some in drawn for ends in some.spread()]
+    found = sorted((p for p in begun if p is not None), key=lambda polygon: polygon.value)
+    value = best.problem.sign * best.value
+    # as much as straight pieces add to the known curve they may add to others
+    added = 0.0 if known is None else max(known.value - value, 0.0)
+    chosen: list[KeptPolygon] = []
+    places: list[PlaceOfEnds] = []
+    for polygon in found:
+        room = LEADS_LOWER * polygon.size
+        lower, beside = polygon.value < value - room, first.same_place(polygon, known)
+        low = lower or (polygon.value < value + max(added, room) and not beside)
+        if low and not any(first.same_place(polygon, other) for other in chosen):
+            chosen.append(polygon)
+            places.append(first.kept_place(polygon, lower))
+    return places[:MOST_PLACES]
 
 
 class _Drawn:
@@ -101,22 +141,14 @@ class _Drawn:
         self.problem, self.sides, self._curve = best.problem, sides, best.curve
         self._value = best.problem.sign * best.value
         self._graph = isinstance(best.problem, Problem)
-        self._span = (float(best.x.min()), float(best.x.max())) if self._graph else best.problem.span
+        self.span = (float(best.x.min()), float(best.x.max())) if self._graph else best.problem.span
         # by the share of the way, as the interval may have drawn to nothing
         share, self._weights = composite_gauss(np.linspace(0, 1, PIECES_DRAWN + 1), POINTS_DRAWN)
-        length = self._span[1] - self._span[0]
-        self._known, rates = self._along(self._span[0] + share * length)
+        length = self.span[1] - self.span[0]
+        self._known, rates = self._along(self.span[0] + share * length)
         self._rates, self._shares = rates * length, np.array([1 - share, share])
-        self._ends = self._along(np.array(self._span))[0]
+        self._ends = self._along(np.array(self.span))[0]
         self._places = PLACES_ON_GRID[len(self._ends)]
-        levels = [
-            (traced.expression, traced.constraint.interval, float(multiplier))
-            for traced, multiplier in zip(self.problem.traced, best.multipliers, strict=False)
-            if isinstance(traced.constraint, Isoperimetric)
-        ]
-        self._level_expressions = [expression for expression, _, _ in levels]
-        self._intervals = np.array([interval for _, interval, _ in levels]).reshape(-1, 2).T
-        self._multipliers = np.array([multiplier for _, _, multiplier in levels])
         extents = np.ptp(np.column_stack([self._known, self._ends]), axis=1)
         self._reaches: tuple[float, ...] = REACHES
         if self._graph:
@@ -148,10 +180,43 @@ class _Drawn:
         for value, ends, apart in sorted(found, key=lambda one: one[0]):
             if all(np.linalg.norm((ends - other) / self._extents) > min(apart, of) for _, other, of in chosen):
                 chosen.append((value, ends, apart))
-        # what the rule misses of the known curve, as at an end where L is infinite, it misses of the others; levels are
-        # asked by what they change
-        missed = self._value - own if self._level_expressions else max(self._value - own, 0.0)
+        # what the rule misses of the known curve, as at an end where L is infinite, it misses of the others
+        missed = max(self._value - own, 0.0)
         return [self._place(ends, value + missed) for value, ends, _ in chosen[:MOST_PLACES]]
+
+    def spread(self) -> np.ndarray:
+        """Ends (k, 2, d), a few on each grid, each as far as can be from the known ones and those before it."""
+        phis = [phi for phi in map(self._phi, (LABELS[side] for side in self.sides)) if phi is not None]
+        chosen = self._ends.T[None]
+        for reach in self._reaches:
+            points = self._pairs(phis, reach)
+            for _ in range(min(BEGUN_AT, len(points))):
+                away = (points[:, None] - chosen) / self._extents
+                chosen = np.append(chosen, points[[np.argmax((away**2).sum((2, 3)).min(1))]], axis=0)
+        return chosen[1:]
+
+    def vertices(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Abscissae (K + 1,), or parameters, of a polygon of the curve drawn to ``ends`` (2, d), and its ordinates."""
+        start = self._place(ends, np.nan)
+        x = np.linspace(*start.span, PIECES_KEPT + 1)
+        return x, start.start(x)
+
+    def same_place(self, polygon: KeptPolygon, other: KeptPolygon | None) -> bool:
+        """Whether the ends of two polygons are next to each other."""
+        if other is None:
+            return False
+        return bool(np.linalg.norm((self._ends_of(polygon) - self._ends_of(other)) / self._extents) <= SLID_TO_ONE)
+
+    def _ends_of(self, polygon: KeptPolygon) -> np.ndarray:
+        """Both ends (2, d) of a polygon."""
+        both = polygon.y[:, [0, -1]]
+        return (np.vstack([polygon.x[[0, -1]], both]) if self._graph else both).T
+
+    def kept_place(self, polygon: KeptPolygon, lower: bool) -> PlaceOfEnds:
+        """The place to which a polygon slid, which is ``lower`` than the known curve."""
+        ends = self._sliding_from(self._ends_of(polygon), (0, 1))
+        span = float(polygon.x[0]), float(polygon.x[-1])
+        return PlaceOfEnds(polygon.value, ends, span, polygon, lower and polygon.kept)
 
     def _lowest(
         self, phis: Sequence[ca.Function], reach: float, enough: float
@@ -224,34 +289,17 @@ class _Drawn:
     def _values(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is minimised along the curves drawn to ``ends`` (k, 2, d), and the same of its absolute value; (k,)."""
         columns = [a.transpose(1, 0, 2).reshape(a.shape[1], -1) for a in self._drawn(ends)]
-        along, *levels = (row.reshape(len(ends), -1) for row in self._integrands(*columns))
-        along = self.problem.sign * along
-        sums = along @ self._weights + self._costs(ends)
-        if levels:
-            reached = np.array([level @ self._weights for level in levels])
-            sums = sums - self.problem.sign * self._multipliers @ reached
-            (low, high), room = self._intervals[:, :, None], LEVEL_TOLD * np.abs(reached)
-            # one that does not hold the curve has no share in this, and is not to be broken
-            broken = ((reached > high + room) | (reached < low - room)) & (np.abs(self._multipliers) <= SLACK)[:, None]
-            sums[broken.any(axis=0)] = np.inf
-        return sums, np.abs(along) @ self._weights
+        along = self.problem.sign * self._integrand(*columns).reshape(len(ends), -1)
+        return along @ self._weights + self._costs(ends), np.abs(along) @ self._weights
 
-    def _integrands(self, places: np.ndarray, rates: np.ndarray) -> list[np.ndarray]:
-        """L by the share of the way, (m,), at places and rates (d, m), and what levels ask for."""
-        problem, s = self.problem, self.problem.symbols
+    def _integrand(self, places: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """L by the share of the way, (m,), at places and rates (d, m)."""
+        problem = self.problem
         if isinstance(problem, Problem):
             (x, *y), (dx, *dy) = places, rates
-            y, dy = np.array(y), np.array(dy) / dx
-            along = problem.integrand_values(x, y, dy)
-        else:
-            assert isinstance(problem, Curve)
-            x, y, dx, dy = np.zeros(places.shape[1]), places, 1.0, rates
-            along = problem.integrand_values(places, rates)
-        if not self._level_expressions:
-            return [along * dx]
-        levels = ca.Function("levels", [s.x, s.y, s.dy, s.parameters], [ca.vertcat(*self._level_expressions)])
-        numbers = np.tile(problem.parameter_values[:, None], len(x))
-        return [row * dx for row in (along, *np.asarray(levels(x[None], y, dy, numbers)))]
+            return problem.integrand_values(x, np.array(y), np.array(dy) / dx) * dx
+        assert isinstance(problem, Curve)
+        return problem.integrand_values(places, rates)
 
     def _costs(self, ends: np.ndarray) -> np.ndarray:
         """What ``ends`` (k, 2, d) cost, as it is minimised; (k,)."""
@@ -262,7 +310,7 @@ class _Drawn:
         if self._graph:
             handed = [part for point in points for part in (point[:1], point[1:])]
         else:
-            times = (np.full((1, count), t) for t in self._span)
+            times = (np.full((1, count), t) for t in self.span)
             handed = [part for pair in zip(times, points, strict=True) for part in pair]
         numbers = [np.tile(self.problem.parameter_values[:, None], count), np.zeros((0, count))]
         return self.problem.sign * np.asarray(cost(*handed, *numbers)).ravel()
@@ -270,59 +318,29 @@ class _Drawn:
     def _place(self, ends: np.ndarray, value: float) -> PlaceOfEnds:
         """The ``ends`` (2, d) with what a solve that begins there needs."""
         away = ends - self._ends.T
-        first, last = self._span
-        moved: list[AnyEnd | None] = [None, None]
-        if not self._graph:
-            for side in self.sides:
-                moved[side] = getattr(self.problem, LABELS[side])
+        moved = self._sliding_from(ends, self.sides)
+        first, last = self.span
+        a, b = ends[:, 0].tolist() if self._graph else self.span
+        bent = away[:, 1:] if self._graph else away
 
-            def drawn(t: np.ndarray) -> np.ndarray:
-                """The coordinates at parameters t."""
-                t = np.atleast_1d(t)
-                share = (t - first) / (last - first)
-                return self._curve(t, 0) + np.outer(away[0], 1 - share) + np.outer(away[1], share)
-
-            return PlaceOfEnds(value, (moved[0], moved[1]), self._span, drawn)
-        for side in self.sides:
-            own = getattr(self.problem, LABELS[side])
-            assert isinstance(own, OnCurve)
-            moved[side] = OnCurve(own.phi, x=float(ends[side, 0]))
-        a, b = (float(x) for x in ends[:, 0])
-
-        def graph(x: np.ndarray) -> np.ndarray:
-            """The ordinates at x."""
+        def drawn(x: np.ndarray) -> np.ndarray:
+            """The ordinates at x, or the coordinates at parameters."""
             share = np.clip((np.atleast_1d(x) - a) / (b - a), 0.0, 1.0)
-            bent = np.outer(away[0, 1:], 1 - share) + np.outer(away[1, 1:], share)
-            return self._curve(first + share * (last - first), 0) + bent
+            known = self._curve(first + share * (last - first), 0)
+            return known + np.outer(bent[0], 1 - share) + np.outer(bent[1], share)
 
-        return PlaceOfEnds(value, (moved[0], moved[1]), (a, b), graph)
+        return PlaceOfEnds(value, moved, (a, b), drawn)
+
+    def _sliding_from(self, ends: np.ndarray, sides: Sequence[int]) -> tuple[AnyEnd | None, AnyEnd | None]:
+        """What slides at some ``sides``, from ``ends`` (2, d), None at others."""
+        moved: list[AnyEnd | None] = [None, None]
+        for side in sides:
+            own = getattr(self.problem, LABELS[side])
+            if own.slides:
+                moved[side] = OnCurve(own.phi, x=float(ends[side, 0])) if self._graph else own
+        return moved[0], moved[1]
 
 
 def begun_at(problem: Functional, place: PlaceOfEnds) -> Functional:
     """The problem with the ends that slide to begin at a place; a Curve begins where what it starts from does."""
     return problem.restated(*place.ends) if isinstance(problem, Problem) else problem
-
-
-def drawn_is_admitted(problem: Functional, place: PlaceOfEnds) -> bool:
-    """Whether the graph drawn to a place keeps bounds at points at which it is looked at, and levels with some room."""
-    asked = [(t.constraint, t.expression) for t in problem.traced if isinstance(t.constraint, Bound | Isoperimetric)]
-    if not asked:
-        return True
-    if not isinstance(problem, Problem):
-        return False
-    x = np.linspace(*place.span, PLACES_HELD_TO_BOUNDS)
-    y, middle, s = place.start(x), 0.5 * (x[1:] + x[:-1]), problem.symbols
-    levels = ca.Function("levels", [s.x, s.y, s.dy, s.parameters], [ca.vertcat(*(level for _, level in asked))])
-    numbers = np.tile(problem.parameter_values[:, None], len(middle))
-    values = np.asarray(levels(middle[None], 0.5 * (y[:, 1:] + y[:, :-1]), np.diff(y) / np.diff(x), numbers))
-    return all(_kept(constraint, along, np.diff(x)) for (constraint, _), along in zip(asked, values, strict=True))
-
-
-def _kept(constraint: Bound | Isoperimetric, along: np.ndarray, steps: np.ndarray) -> bool:
-    """Whether what is bounded ``along`` a curve, or its sum over ``steps``, lies between what it is to."""
-    if isinstance(constraint, Isoperimetric):
-        pieces = along * steps
-        room = LEVEL_TOLD * float(np.abs(pieces).sum())
-        along = pieces.sum() + np.array([-room, room])
-    low, high = constraint.interval
-    return bool(np.all((along >= low) & (along <= high)))
