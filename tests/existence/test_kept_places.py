@@ -66,3 +66,17 @@ def test_the_shortest_arc_of_a_given_area_goes_to_the_nearer_bay(begun):
     x = np.linspace(-5, 5, 4001)
     known = min(arc(chord, 1.0) for chord in np.hypot(x, bays(x, np.exp)))
     assert solution.value == pytest.approx(known, abs=1e-5)
+
+
+@pytest.mark.parametrize("begun", [(0.5, 3.9), (1.8, 4.0)])
+def test_ends_whose_curves_meet_under_a_bound_leave_nothing_of_the_curve(begun):
+    start = vc.OnCurve(lambda x, y: y + 0.23 - 0.905 * x + 0.671 * x**2, x=begun[0])
+    end = vc.OnCurve(lambda x, y: x - 4 - 0.7 * (y - 0.364), x=begun[1])
+
+    def positive(x, y, v):
+        return v**2 / 2 + 1 + 2.4 * ca.exp(-3 * y**2) - 1.4 * y * ca.cos(0.2 * x) + y**2 / 2
+
+    solution = vc.solve(vc.Problem(positive, start, end, [vc.Bound(lambda x, y, v: y, upper=2.0)]))
+    meeting = brentq(lambda x: (x - 4) / 0.7 + 0.364 + 0.23 - 0.905 * x + 0.671 * x**2, 2, 3)
+    assert solution.value == pytest.approx(0, abs=1e-9)
+    assert solution.x[[0, -1]] == pytest.approx([meeting, meeting], abs=1e-6)

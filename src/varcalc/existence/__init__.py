@@ -5,7 +5,8 @@ The modules are imported where they are used, for most problems never need them.
 Beside an answer: ``global_look`` looks for other valleys over the lattices of ``polygons``, in the ``directions`` of
 what no one lattice holds, and for several functions ``together``; ``moved_polygons`` go to where the functional is
 less, ``bent_curves`` and ``shapes`` are for the second order, ``narrow_valleys`` and ``cheaper_ends`` for what is
-narrower than any lattice, ``other_places`` for ends that slide, of ``kept_polygons`` under bounds and levels.
+narrower than any lattice, ``other_places`` for ends that slide, by curves that are ``drawn_to_places`` or, under bounds
+and levels, ``kept_polygons``.
 ``broken_curve`` jumps at the ends, ``upright`` within a steep answer; ``displaced`` moves kinks that may lie anywhere;
 ``closer_meshes`` sees that nothing lies between the points of what is solved in pieces.
 
