@@ -131,11 +131,15 @@ class DrawnToPlaces:
                 chosen = np.append(chosen, points[[np.argmax((away**2).sum((2, 3)).min(1))]], axis=0)
         return chosen[1:]
 
-    def vertices(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Abscissae (K + 1,), or parameters, of a polygon of the curve drawn to ``ends`` (2, d), and its ordinates."""
+    def vertices(self, ends: np.ndarray, turns: int) -> tuple[np.ndarray, np.ndarray]:
+        """Abscissae (K + 1,), or parameters, of a polygon of the curve drawn to ``ends`` (2, d), and its ordinates.
+
+        It is bent by so many half waves as well, as high as the curve is.
+        """
         start = self._place(ends, np.nan)
-        x = np.linspace(*start.span, PIECES_KEPT + 1)
-        return x, start.start(x)
+        x, share = np.linspace(*start.span, PIECES_KEPT + 1), np.linspace(0.0, 1.0, PIECES_KEPT + 1)
+        heights = self._extents[1:] if self._graph else self._extents
+        return x, start.start(x) + np.outer(heights, np.sin(turns * np.pi * share))
 
     def same_place(self, polygon: KeptPolygon, other: KeptPolygon | None) -> bool:
         """Whether the ends of two polygons are next to each other."""

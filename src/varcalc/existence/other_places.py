@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 
@@ -18,6 +19,10 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 
+BENT_AS_WELL, HALF_WAVES = 3, (2, -1, -2, 1)
+"""At which of the places, one in so many, polygons begin from a bent curve too, and by what, in turn: at another place
+another shape may be the best.
+"""
 LEADS_LOWER = 1e-3
 """How far above the known value, in units of what is summed, a polygon may be that leads lower."""
 
@@ -74,7 +79,9 @@ def _kept_places(best: Solution, drawn: Sequence[DrawnToPlaces]) -> list[PlaceOf
     polygons = KeptPolygons(best.problem, x, best.curve(x, 0))
     with np.errstate(all="ignore"):
         known = polygons.stated(x, best.curve(x, 0))
-        begun = [polygons.least(*first.vertices(ends)) for some in drawn for ends in some.spread()]
+        ends = [two for some in drawn for two in some.spread()]
+        bent = zip(ends[::BENT_AS_WELL], cycle(HALF_WAVES), strict=False)
+        begun = [polygons.least(*first.vertices(*pair)) for pair in (*((two, 0) for two in ends), *bent)]
     found = sorted((p for p in begun if p is not None), key=lambda polygon: polygon.value)
     value = best.problem.sign * best.value
     # as much as straight pieces add to the known curve they may add to others
