@@ -200,7 +200,7 @@ class _LookedAt:
     together: bool = False
     bends: bool = False
     ends: bool = False
-    places: bool = False
+    places: str = ""
     narrow: bool = False
     instead: str = ""
     levelled: bool = False
@@ -225,7 +225,7 @@ class _LookedAt:
         looked += " and in all directions at once," if self.together and not self.bends else ""
         looked += " and those in a box that keep a level," if self.levelled else ""
         looked += " and what all other ends cost," if self.ends else ""
-        looked += " and curves drawn to other places of the ends that slide," if self.places else ""
+        looked += f" and {self.places}," if self.places else ""
         looked += " and shifts into narrow valleys," if self.narrow else ""
         walled = self.walled and not self.bends
         looked += f"{'' if looked.endswith(',') else ','} as far as L is convex in the slope," if walled else ""
@@ -326,7 +326,7 @@ def _at_other_places(
     problem = best.problem
     if not any(problem.slides):
         return None
-    from varcalc.existence.other_places import begun_at, drawn_is_admitted, looked_for, other_places  # few ends slide
+    from varcalc.existence.other_places import begun_at, looked_for, other_places  # few ends slide
 
     seen.places = looked_for(best)
     places = other_places(best)
@@ -339,7 +339,7 @@ def _at_other_places(
             if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
                 return replace(found, problem=problem)
         lower = _is_lower(problem.sign * place.value, best, 0.0, SURELY_LOWER)
-        if marked is None and lower and drawn_is_admitted(problem, place):
+        if marked is None and lower and place.sure:
             tried = LED_NOWHERE if polish is not None else "was not followed: solve by Ritz()"
             curve = f"a curve to another place of its {place.label} has the value {problem.sign * place.value:.6g}"
             marked = _marked(best, f"{curve}, and {tried}")

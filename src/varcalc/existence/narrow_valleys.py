@@ -245,6 +245,9 @@ def narrow_about(departures: Departures) -> NarrowValleys | None:
     problem = departures.problem
     if problem.symbols.kind is not ca.SX or problem.order > 1 or problem.n > MOST_FUNCTIONS:
         return None
+    a, b = departures.span
+    if LEAST_WAY * (b - a) <= np.spacing(max(abs(a), abs(b))):  # a curve between ends that met has no way
+        return None
     boxes = _boxes(departures, _lines(departures)[_first_lines(len(departures.axes))])
     return NarrowValleys(departures, boxes) if len(boxes[2]) else None
 

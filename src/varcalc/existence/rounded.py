@@ -13,6 +13,7 @@ from varcalc.formulation import Form, Sampled, Stated, conditions_of, formulate
 from varcalc.methods.crossings import ARGUMENT_ROUND_OFF
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import on_curve
+from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.switches import smoothed, units
@@ -90,7 +91,7 @@ def points_along(problem: Problem, line: Sampled) -> Points:
     return [[x], list(y), list(slopes), list(bends), *numbers]
 
 
-def rounded_off(problem: Problem, expression: Expression, width: float, points: Points) -> Expression:
+def rounded_off(problem: Functional, expression: Expression, width: float, points: Points) -> Expression:
     """An expression with what switches in it smooth over a ``width``, in units of what that is at points."""
     s = problem.symbols
     sizes = units([expression], s.all, points)[1]

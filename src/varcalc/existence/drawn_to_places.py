@@ -1,0 +1,281 @@
+"""The known curve drawn to other points of phi = 0, on which its ends slide.
+
+phi is told on a grid about the known curve, and between two of its places that phi parts lies a point of phi = 0. The
+known curve, bent evenly towards such a point, is a curve that the problem admits where nothing else is asked of it.
+Points at which what is minimised along it is least of all around are where other valleys begin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from varcalc.existence.directions import end_cost
+from varcalc.existence.kept_polygons import LABELS, PIECES_KEPT, KeptPolygon
+from varcalc.formulation import Sampled, formulate
+from varcalc.formulation.height import breadths
+from varcalc.numerics.mesh import composite_gauss
+from varcalc.problem.conditions import AnyEnd, OnCurve
+from varcalc.problem.problem import Curve, Problem
+from varcalc.solution import Solution
+
+REACHES = 0.25, 1.0, 4.0
+"""How far from the known end points of phi = 0 are looked for, in units of the curve's extents: on three grids."""
+DRAWN_TO_NOTHING, FARTHER = 1e-2, (16.0, 64.0)
+"""Of the interval that was told: a curve that is so short says nothing of how far to look, which is farther then."""
+PLACES_ON_GRID = {2: 29, 3: 11}
+"""Along each coordinate of a grid on which phi is told, by the number of coordinates."""
+PIECES_DRAWN, POINTS_DRAWN = 8, 3
+"""Pieces of the known curve, and Gauss points on each, by which a drawn curve is summed."""
+ONE_VALLEY = 2.1
+"""Distance of points, in steps of the grid, within which one of them is the least."""
+WORTH_FOLLOWING = 0.5
+"""How far above the known value, in units of what is summed, a drawn curve may be for a valley to be lower."""
+NEAREST_ABSCISSA = 1e-2
+"""Of the interval: how near to the other end the abscissa of a sliding end is looked for."""
+BEGUN_AT = 4
+"""Points on each grid at which polygons begin that keep what is asked."""
+SLID_TO_ONE = 0.05
+"""Distance of the ends of polygons in one valley, in units of the curve's extents."""
+MOST_PLACES = 3
+"""Points of one end from which valleys are followed."""
+PLACES_OF_EACH = 20
+"""Points of each of two ends from which pairs are made."""
+
+
+@dataclass(frozen=True)
+class PlaceOfEnds:
+    """Points of phi = 0, with the ``start`` of a curve to them and the ``value`` of what is minimised along that.
+
+    ``ends`` slide from there, None for one that stays, and ``span`` is the interval. ``sure`` tells whether it is
+    sure that a curve is admitted there which has this value.
+    """
+
+    value: float
+    ends: tuple[AnyEnd | None, AnyEnd | None]
+    span: tuple[float, float]
+    start: Sampled
+    sure: bool = True
+
+    @property
+    def label(self) -> str:
+        """What the ends that move are called."""
+        moved = [label for label, end in zip(LABELS, self.ends, strict=True) if end is not None]
+        return " and its ".join(moved)
+
+
+class DrawnToPlaces:
+    """The known curve drawn to other points by its ends at some ``sides``, an end at another where it is."""
+
+    def __init__(self, best: Solution, sides: tuple[int, ...]) -> None:
+        assert best.curve is not None
+        self.problem, self.sides, self._curve = best.problem, sides, best.curve
+        self._value = best.problem.sign * best.value
+        self._graph = isinstance(best.problem, Problem)
+        self.span = (float(best.x.min()), float(best.x.max())) if self._graph else best.problem.span
+        # by the share of the way, as the interval may have drawn to nothing
+        share, self._weights = composite_gauss(np.linspace(0, 1, PIECES_DRAWN + 1), POINTS_DRAWN)
+        length = self.span[1] - self.span[0]
+        self._known, rates = self._along(self.span[0] + share * length)
+        self._rates, self._shares = rates * length, np.array([1 - share, share])
+        self._ends = self._along(np.array(self.span))[0]
+        self._places = PLACES_ON_GRID[len(self._ends)]
+        extents = np.ptp(np.column_stack([self._known, self._ends]), axis=1)
+        self._reaches: tuple[float, ...] = REACHES
+        if self._graph:
+            told = float(np.ptp(best.problem.span))
+            self._reaches += FARTHER if extents[0] <= DRAWN_TO_NOTHING * told else ()
+            extents[0] = max(extents[0], told)
+            breadth = breadths(formulate(best.problem))[0]
+            extents[1:] = np.where(extents[1:] > DRAWN_TO_NOTHING * breadth, extents[1:], breadth)
+        else:  # where a curve keeps to a line its ends may go aside as far as along it
+            extents = np.where(extents > DRAWN_TO_NOTHING * extents.max(), extents, extents.max())
+        self._extents = np.where(extents > 0, extents, extents.max())
+
+    def _along(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The known curve by all its coordinates, (d, m), and its rates by x, or its parameter."""
+        points, rates = self._curve(x, 0), self._curve(x, 1)
+        if not self._graph:
+            return points, rates
+        return np.vstack([x, points]), np.vstack([np.ones_like(x), rates])
+
+    def places(self) -> list[PlaceOfEnds]:
+        """The points at which a drawn curve is lower than to all others nearby, and not much above the known one."""
+        phis = [self._phi(LABELS[side]) for side in self.sides]
+        known = [phi for phi in phis if phi is not None]
+        if len(known) < len(phis):
+            return []
+        with np.errstate(all="ignore"):
+            (own,), (size,) = self._values(self._ends.T[None])
+            enough = own + WORTH_FOLLOWING * size
+            found = [lowest for reach in self._reaches for lowest in self._lowest(known, reach, enough)]
+        chosen: list[tuple[float, np.ndarray, float]] = []
+        for value, ends, apart in sorted(found, key=lambda one: one[0]):
+            if all(np.linalg.norm((ends - other) / self._extents) > min(apart, of) for _, other, of in chosen):
+                chosen.append((value, ends, apart))
+        # what the rule misses of the known curve, as at an end where L is infinite, it misses of the others
+        missed = max(self._value - own, 0.0)
+        return [self._place(ends, value + missed) for value, ends, _ in chosen[:MOST_PLACES]]
+
+    def spread(self) -> np.ndarray:
+        """Ends (k, 2, d), a few on each grid, each as far as can be from the known ones and those before it."""
+        phis = [phi for phi in map(self._phi, (LABELS[side] for side in self.sides)) if phi is not None]
+        chosen = self._ends.T[None]
+        for reach in self._reaches:
+            points = self._pairs(phis, reach)
+            for _ in range(min(BEGUN_AT, len(points))):
+                away = (points[:, None] - chosen) / self._extents
+                chosen = np.append(chosen, points[[np.argmax((away**2).sum((2, 3)).min(1))]], axis=0)
+        return chosen[1:]
+
+    def vertices(self, ends: np.ndarray, turns: int) -> tuple[np.ndarray, np.ndarray]:
+        """Abscissae (K + 1,), or parameters, of a polygon of the curve drawn to ``ends`` (2, d), and its ordinates.
+
+        It is bent by so many half waves as well, as high as the curve is.
+        """
+        start = self._place(ends, np.nan)
+        x, share = np.linspace(*start.span, PIECES_KEPT + 1), np.linspace(0.0, 1.0, PIECES_KEPT + 1)
+        heights = self._extents[1:] if self._graph else self._extents
+        return x, start.start(x) + np.outer(heights, np.sin(turns * np.pi * share))
+
+    def same_place(self, polygon: KeptPolygon, other: KeptPolygon | None) -> bool:
+        """Whether the ends of two polygons are next to each other."""
+        if other is None:
+            return False
+        return bool(np.linalg.norm((self._ends_of(polygon) - self._ends_of(other)) / self._extents) <= SLID_TO_ONE)
+
+    def _ends_of(self, polygon: KeptPolygon) -> np.ndarray:
+        """Both ends (2, d) of a polygon."""
+        both = polygon.y[:, [0, -1]]
+        return (np.vstack([polygon.x[[0, -1]], both]) if self._graph else both).T
+
+    def kept_place(self, polygon: KeptPolygon, lower: bool) -> PlaceOfEnds:
+        """The place to which a polygon slid, which is ``lower`` than the known curve."""
+        ends = self._sliding_from(self._ends_of(polygon), (0, 1))
+        span = float(polygon.x[0]), float(polygon.x[-1])
+        return PlaceOfEnds(polygon.value, ends, span, polygon, lower and polygon.kept)
+
+    def _lowest(
+        self, phis: Sequence[ca.Function], reach: float, enough: float
+    ) -> list[tuple[float, np.ndarray, float]]:
+        """Values below ``enough`` and ends (2, d) of one grid, the least nearby, and how near that is, in extents."""
+        ends, apart = self._pairs(phis, reach), ONE_VALLEY * 2 * reach / (self._places - 1)
+        if not len(ends):
+            return []
+        values, _ = self._values(ends)
+        values = np.where(np.isfinite(values), values, np.inf)
+        scaled = ((ends - self._ends.T) / self._extents).reshape(len(ends), -1)
+        away = (scaled**2).sum(axis=1)
+        elsewhere = away > apart**2
+        low = np.flatnonzero(elsewhere & (values < enough))
+        near = away[low, None] + away - 2 * scaled[low] @ scaled.T <= apart**2
+        least = low[values[low] <= np.where(near, values, np.inf).min(axis=1, initial=np.inf)]
+        return [(float(values[k]), ends[k], apart) for k in least.tolist()]
+
+    def _pairs(self, phis: Sequence[ca.Function], reach: float) -> np.ndarray:
+        """Both ends (k, 2, d) of curves drawn to points of each phi = 0; those of a graph keep their order."""
+        own = self._ends.T
+        points = {side: self._points(phi, side, reach) for side, phi in zip(self.sides, phis, strict=True)}
+        if len(points) == 2:
+            points = {side: some[:: max(1, len(some) // PLACES_OF_EACH)] for side, some in points.items()}
+        first, last = (points.get(side, own[[side]]) for side in (0, 1))
+        ends = np.stack([np.repeat(first, len(last), axis=0), np.tile(last, (len(first), 1))], axis=1)
+        if not self._graph:
+            return ends
+        return ends[ends[:, 1, 0] - ends[:, 0, 0] >= NEAREST_ABSCISSA * self._extents[0]]
+
+    def _points(self, phi: ca.Function, side: int, reach: float) -> np.ndarray:
+        """Points (k, d) of phi = 0: on the grid's lines, straight between two places that it parts."""
+        end = self._ends[:, side]
+        low, high = (end + sign * reach * self._extents for sign in (-1, 1))
+        if self._graph and len(self.sides) == 1:  # beyond the other end there is no use for a place
+            other, nearest = self._ends[0, 1 - side], NEAREST_ABSCISSA * self._extents[0]
+            if side:
+                low[0] = max(low[0], other + nearest)
+            else:
+                high[0] = min(high[0], other - nearest)
+        axes = [np.linspace(a, b, self._places) for a, b in zip(low, high, strict=True)]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"))
+        levels = np.asarray(phi(grid.reshape(len(axes), -1))).reshape(grid.shape[1:])
+        found = []
+        for axis in range(len(axes)):
+            before, after = (np.take(levels, range(k, self._places - 1 + k), axis) for k in (0, 1))
+            a, b = (np.take(grid, range(k, self._places - 1 + k), axis + 1) for k in (0, 1))
+            parted = before * after <= 0
+            share = before[parted] / np.where(before == after, 1.0, before - after)[parted]
+            found.append((a[:, parted] + share * (b - a)[:, parted]).T)
+        points = np.concatenate(found)
+        return points[np.lexsort(points.T[::-1])]
+
+    def _phi(self, label: str) -> ca.Function | None:
+        """Phi of points (d, m) of the end of that ``label``."""
+        kind, n = self.problem.symbols.kind, self.problem.n
+        symbols = [kind.sym("x"), kind.sym("y", n)] if self._graph else [kind.sym("q", n)]
+        x, y = symbols if self._graph else (kind.sym("t"), *symbols)
+        level = self.problem.traced_slide(label, x, y, kind)
+        if level is None:
+            return None
+        return ca.Function("phi", [ca.vertcat(*symbols)], [ca.densify(level)])
+
+    def _drawn(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places and rates (k, d, m) of the curves drawn to ``ends`` (k, 2, d)."""
+        away = ends - self._ends.T
+        places = self._known + np.einsum("ked,em->kdm", away, self._shares)
+        return places, self._rates + (away[:, 1] - away[:, 0])[:, :, None]
+
+    def _values(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What is minimised along the curves drawn to ``ends`` (k, 2, d), and the same of its absolute value; (k,)."""
+        columns = [a.transpose(1, 0, 2).reshape(a.shape[1], -1) for a in self._drawn(ends)]
+        along = self.problem.sign * self._integrand(*columns).reshape(len(ends), -1)
+        return along @ self._weights + self._costs(ends), np.abs(along) @ self._weights
+
+    def _integrand(self, places: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """L by the share of the way, (m,), at places and rates (d, m)."""
+        problem = self.problem
+        if isinstance(problem, Problem):
+            (x, *y), (dx, *dy) = places, rates
+            return problem.integrand_values(x, np.array(y), np.array(dy) / dx) * dx
+        assert isinstance(problem, Curve)
+        return problem.integrand_values(places, rates)
+
+    def _costs(self, ends: np.ndarray) -> np.ndarray:
+        """What ``ends`` (k, 2, d) cost, as it is minimised; (k,)."""
+        cost, count = end_cost(self.problem), len(ends)
+        if cost is None:
+            return np.zeros(count)
+        points = [ends[:, side].T for side in (0, 1)]
+        if self._graph:
+            handed = [part for point in points for part in (point[:1], point[1:])]
+        else:
+            times = (np.full((1, count), t) for t in self.span)
+            handed = [part for pair in zip(times, points, strict=True) for part in pair]
+        numbers = [np.tile(self.problem.parameter_values[:, None], count), np.zeros((0, count))]
+        return self.problem.sign * np.asarray(cost(*handed, *numbers)).ravel()
+
+    def _place(self, ends: np.ndarray, value: float) -> PlaceOfEnds:
+        """The ``ends`` (2, d) with what a solve that begins there needs."""
+        away = ends - self._ends.T
+        moved = self._sliding_from(ends, self.sides)
+        first, last = self.span
+        a, b = ends[:, 0].tolist() if self._graph else self.span
+        bent = away[:, 1:] if self._graph else away
+
+        def drawn(x: np.ndarray) -> np.ndarray:
+            """The ordinates at x, or the coordinates at parameters."""
+            share = np.clip((np.atleast_1d(x) - a) / (b - a), 0.0, 1.0)
+            known = self._curve(first + share * (last - first), 0)
+            return known + np.outer(bent[0], 1 - share) + np.outer(bent[1], share)
+
+        return PlaceOfEnds(value, moved, (a, b), drawn)
+
+    def _sliding_from(self, ends: np.ndarray, sides: Sequence[int]) -> tuple[AnyEnd | None, AnyEnd | None]:
+        """What slides at some ``sides``, from ``ends`` (2, d), None at others."""
+        moved: list[AnyEnd | None] = [None, None]
+        for side in sides:
+            own = getattr(self.problem, LABELS[side])
+            if own.slides:
+                moved[side] = OnCurve(own.phi, x=float(ends[side, 0])) if self._graph else own
+        return moved[0], moved[1]
