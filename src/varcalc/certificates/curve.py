@@ -36,7 +36,7 @@ CURVE_DEGREE = 24
 """Degree of the polynomials of one piece."""
 CURVE_RESOLVED = 1e-13
 """Last coefficients of a curve in Chebyshev polynomials, relative to the largest, below which it is resolved."""
-BENT = 1e-5
+FIELD_RESOLVED = 1e-5
 """The same of the coefficients of Jacobi's equation, from which the field need not be exact."""
 MOST_CURVE_PIECES = 256
 VERTEX_ROUND_OFF = 8 * float(np.finfo(float).eps)
@@ -255,7 +255,7 @@ def _smooth(samples: Samples) -> bool:
         return True
     inverse = np.linalg.inv(uu).reshape(len(uu), -1)
     coefficients = np.abs(transform(CURVE_DEGREE) @ inverse)
-    return bool(coefficients[-3:].max() <= BENT * np.abs(inverse).max())
+    return bool(coefficients[-3:].max() <= FIELD_RESOLVED * np.abs(inverse).max())
 
 
 def joint_states(statement: Statement, samples: list[Samples]) -> np.ndarray:

@@ -9,7 +9,7 @@ from varcalc.problem.isoperimetry import least_by_length
 from varcalc.solution import PROVED, Solution
 
 BY_LENGTH = "by the isoperimetric inequality no curve of this length encloses more: there is no other valley"
-TOLD = 1e-9
+SAME_VALUE = 1e-9
 """Relative difference of two values that is none."""
 HEIGHTS_ASKED = 9
 """Places at which a curve is asked how high it is."""
@@ -18,7 +18,7 @@ HEIGHTS_ASKED = 9
 def by_length(solution: Solution) -> str:
     """Why there is no other valley than the solution's, which is as long as others; empty where that is not proved."""
     problem, sign, least = solution.problem, solution.problem.sign, least_by_length(solution.problem)
-    if least is not None and sign * solution.value <= least + solution.error.value + TOLD * abs(least):
+    if least is not None and sign * solution.value <= least + solution.error.value + SAME_VALUE * abs(least):
         return BY_LENGTH
     if solution.curve is None:
         return ""

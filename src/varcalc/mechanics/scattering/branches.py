@@ -19,7 +19,7 @@ LEAST_DEFLECTION = 1e-12
 """Radians: impact parameters at which an orbit is deflected by less are not looked at."""
 FIRST, PLACE_HALVINGS = 64, 10
 """Places that are looked at in each interval to begin with, and times they are halved."""
-BENT = 3e-3
+ANGLE_FORETOLD = 3e-3
 """Of its change, or of a radian: how well a cubic must foretell the angle in the middle of two places."""
 SAME_ANGLE = 1e-13
 """Radians: angles that differ by no more are the same."""
@@ -202,7 +202,7 @@ class _Sampled:
         width, change = np.diff(self.z), np.diff(self.angle)
         bend = np.abs(np.diff(self.slope)) * width / 8
         off = np.abs(change - width * (self.slope[1:] + self.slope[:-1]) / 2)
-        bad = (np.maximum(bend, off) > BENT * (1 + np.abs(change))) & (width > 1e-9)
+        bad = (np.maximum(bend, off) > ANGLE_FORETOLD * (1 + np.abs(change))) & (width > 1e-9)
         return (self.z[1:] + self.z[:-1])[bad] / 2
 
     def cut(self) -> tuple[np.ndarray, np.ndarray, list[Rainbow]]:
