@@ -569,6 +569,8 @@ def test_rays_of_a_fish_eye_that_go_far_out_are_told():
     # on the sphere neighbours come apart as |sin|, and lengths in the plane are those of it over n
     spreads = [abs(math.sin(path)) * (1 + b @ b) / 2 for path in exact]
     np.testing.assert_allclose([ray.spreading for ray in rays], spreads, rtol=1e-7)
+    with pytest.raises(ArithmeticError, match="cannot be followed"):
+        rays[1].point(1.0)
 
 
 def test_a_corner_of_a_table_is_no_layer_to_rest_along():

@@ -270,8 +270,9 @@ class TwoPoint:
                 legs = full.followed(started(np.array([k])), float(known.paths[k]))[0]
             except ArithmeticError:  # beside rays that rest it goes out of all bounds
                 return ()
-            end = legs[-1].at(np.array([legs[-1].length])).position[0]
-            return legs if np.linalg.norm(end - target) <= MEETS * np.linalg.norm(target - source) else ()
+            ends_at = [leg.at(np.array([leg.length])).position[0] for leg in legs[-1:]]  # one that was lost has no leg
+            met = [np.linalg.norm(end - target) <= MEETS * np.linalg.norm(target - source) for end in ends_at]
+            return legs if all(met) else ()
 
         def spread_of(k: int) -> float:
             return float(spread()[k])
