@@ -90,3 +90,12 @@ def test_levels_go_no_farther_than_a_curve_is_worth():
     kept = all_levels.nodes[(all_levels.nodes >= low) & (all_levels.nodes <= high)]
     assert np.setdiff1d(np.round(kept, 9), np.round(fewer.nodes, 9)).size == 0
     assert fewer.nodes.shape[1] < 0.5 * all_levels.nodes.shape[1]
+
+
+@pytest.mark.parametrize("width", [1.0, 10.0])
+def test_a_curve_that_sums_nothing_is_least_where_l_is_nowhere_negative(width):
+    """L = v² + (1 - y²)² from 1 to 1 is 0 along y = 1, which no polygon of the lattice comes below."""
+    problem = vc.Problem(lambda x, y, v: v**2 + (1 - y**2) ** 2, vc.Fixed(0, 1), vc.Fixed(width, 1))
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(0.0, abs=1e-14)
+    assert not solution.local

@@ -28,6 +28,8 @@ def worth_crossing(about: Lattice) -> tuple[float, float]:
         return -math.inf, math.inf
     # the ceiling of what adds as much with its signs as without
     worth = np.flatnonzero((about.least.values < about.own_value / (1 - WORTH_MOVING)).any(0))
+    if len(worth) == 0:  # the curve sums nothing, and no share of that is worth more
+        return -math.inf, math.inf
     first, last = max(worth.min() - 1, 0), min(worth.max() + 1, about.nodes.shape[1] - 1)
     return float(about.nodes[:, first].min()), float(about.nodes[:, last].max())
 
