@@ -583,3 +583,17 @@ def test_a_corner_of_a_table_is_no_layer_to_rest_along():
         for ray in rays:
             assert ray.legs
             np.testing.assert_allclose(ray.point(ray.optical_path), end, atol=1e-8)
+
+
+def test_a_layer_that_is_flat_to_fourth_order_is_no_logarithm():
+    """n² = 1 + y⁴: rays come as far as the fourth root of how far off an angle is says, not as its logarithm.
+
+    How the ray to a far point spreads is not told so: it is counted, not given with another's spreading.
+    """
+    scene = optics.Scene(optics.Stratified(lambda y: ca.sqrt(1 + y**4)))
+    [near] = scene.rays((0, -0.5), (60, 0.7))
+    assert near.optical_path == pytest.approx(60 + (0.5**3 + 0.7**3) / 3, rel=1e-5)
+    assert near.legs
+    far = scene.rays((0, -0.5), (1e6, 0.7))
+    assert len(far) == 0
+    assert far.unresolved == 1

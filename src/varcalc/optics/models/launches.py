@@ -58,6 +58,8 @@ STEADY, ENDLESS = 0.6, 0.9
 several of them by no more than a geometric series has left."""
 LOGARITHMIC = 0.02
 """Of how much a passage grows for each factor e: where it changes by less, passages grow as logarithms."""
+PLACES_ROUNDED = 4.0
+"""Of the round-off of one passage: what that of the three makes of the change of how fast they grow."""
 UNTOLD = 1e300
 """A passage grows by no more, where nobody knows whether it grows for ever."""
 BEYOND_NUMBERS = 700.0
@@ -137,7 +139,8 @@ class BesideRests:
 
     They are on the ``side`` 1 or -1 (k,) of these, where rays leave at ``angle`` (k,), with du/dτ = ``climb`` (k,),
     ``away`` (k,) from the one, and are ``here`` (k, COUNT). Nearer their passages may grow by as much ``more`` (k, 3):
-    for ever where that is infinite, by ``pace`` (k, 3) for each factor e if it is ``steady`` (k,). Optical paths may be
+    for ever where that is infinite, by ``pace`` (k, 3) for each factor e, which tells of rays that
+    rest for longer than over ``powers`` (k,) of e. Optical paths may be
     ``off`` (k, 3) beside what they are for their distances.
     """
 
@@ -149,7 +152,7 @@ class BesideRests:
     here: np.ndarray
     more: np.ndarray
     pace: np.ndarray
-    steady: np.ndarray
+    powers: np.ndarray
     off: np.ndarray
 
     @classmethod
@@ -162,17 +165,20 @@ class BesideRests:
         angles = np.stack([spread.angles(pair, place) for place in places])
         rest = spread.passages.breaks[pair, number]
         away, apart = np.abs(angles - rest), rest > LEAST_BESIDE  # where it is not, g may turn by round-off
+        endless = spread.passages.endless[pair, number] & apart[:, None]
         with np.errstate(all="ignore"):
             share = last / earlier
             more = np.where((earlier > 0) & (share < ENDLESS), 2 * last * share / (1 - share), np.inf)
             nearer = np.diff(np.log(away), axis=0)[..., None]
             pace, before = last / nearer[0], earlier / nearer[1]
             logarithmic = (np.abs(pace - before) <= LOGARITHMIC * pace) & apart[:, None]
-        endless = spread.passages.endless[pair, number] & apart[:, None]
+            rounded = (spread.noise(pair, places[0]) * np.abs(here))[:, :LAYERS] / nearer[0]
+            drowned = endless & (np.abs(pace - before) <= PLACES_ROUNDED * rounded)
         growing = (last > GROWN * spread.distance[pair, None]) & ~(last <= STEADY * earlier)
         more = np.where(endless | (growing & logarithmic), np.inf, np.where(growing, np.minimum(more, UNTOLD), 0.0))
         growing |= endless
-        steady = np.all(~growing | logarithmic, axis=1)
+        steady, known = (np.all(~growing | told, axis=1) for told in (logarithmic, logarithmic | drowned))
+        powers = np.where(steady, 0.0, np.where(known, BEYOND_NUMBERS, np.inf))
         pace = np.where(growing, np.maximum(pace, 0.0), 0.0)
         side, root = np.sign(way), np.sqrt(spread.passages.g)[pair]
         climb, c = root * np.sin(angles[0]), root * np.cos(angles)
@@ -182,7 +188,7 @@ class BesideRests:
             further = (away[1] - away[0])[:, None]
             between = here[:, :LAYERS] * further - pace * (away[1][:, None] * nearer[0] - further)
             off = np.abs(kept[1] - kept[0] - (side * climb)[:, None] * between)
-        whole = cls(pair, side, angles[0], climb, away[0], here, more, pace, steady, off)
+        whole = cls(pair, side, angles[0], climb, away[0], here, more, pace, powers, off)
         kept = np.flatnonzero(growing.any(axis=1))
         return cls(*(column[kept] for column in vars(whole).values()))
 
@@ -201,7 +207,8 @@ class BesideRests:
 
         Its passages together grow by as much as ``most`` (k,) and by ``pace`` (k,) for each factor e.
         """
-        return np.isinf(most[place]) & (self.steady[place] | (left > BEYOND_NUMBERS * pace[place]))
+        with np.errstate(invalid="ignore"):
+            return np.isinf(most[place]) & (left > self.powers[place] * pace[place])
 
     def rays(
         self,
