@@ -19,7 +19,7 @@ from varcalc.numerics.one_coordinate.motions import (
     NoTurn,
     OneTurn,
     TwoTurns,
-    bounds,
+    both_bounds,
     ways,
 )
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
@@ -250,7 +250,7 @@ class Regions:
         u0, C = self.nodes.u[inside : inside + 1], np.array([-2 * energy])
         squared = self.nodes.g[inside : inside + 1] - C
         free = np.full(1, np.inf)
-        below, above = (bounds(self.potential, self.nodes, u0, squared, C, free, sign) for sign in (-1, 1))
+        below, above = both_bounds(self.potential, self.nodes, u0, squared, C, (free, free))
         below, above = (
             _open(b, r, self._room(u0, s, r)) for b, r, s in zip((below, above), resting, (-1, 1), strict=True)
         )

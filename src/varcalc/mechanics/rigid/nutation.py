@@ -10,7 +10,7 @@ from enum import Enum
 import numpy as np
 
 from varcalc.mechanics.rigid.top_cubic import TopCubic, TopStart, total
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionBounds, bounds, ways
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionBounds, both_bounds, ways
 from varcalc.numerics.one_coordinate.quadrature import integrals
 from varcalc.numerics.roots import EPSILON, bracketed_newton
 from varcalc.showing import Shown
@@ -72,7 +72,7 @@ def nutation(start: TopStart, momenta: tuple[float, float], energy: float) -> Nu
     potential, at, squared = start.about_start, np.zeros(1), np.array([start.w**2])
     nodes = potential.nodes(0.0, 0.0, -start.below - UPRIGHT_MARGIN, start.above + UPRIGHT_MARGIN)
     free = np.full(1, np.inf)
-    found = (bounds(potential, nodes, at, squared, -squared, free, sign) for sign in (-1, 1))
+    found = both_bounds(potential, nodes, at, squared, -squared, (free, free))
     low, high = (MotionBounds(_polished(potential, one.x, start.w**2), one.turning) for one in found)
     limits = max(float(low.x[0]), -start.below), min(float(high.x[0]), start.above)
     ends = [(start.below + x, start.above - x) for x in limits]

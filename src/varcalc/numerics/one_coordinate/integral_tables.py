@@ -11,14 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from varcalc.numerics.one_coordinate.integral_leaves import (
     COLUMNS,
     LEAF_DEGREE,
     Leaf,
-    grouped,
+    in_groups,
     leaves,
+    polynomials,
     rates,
     read,
     read_ends,
@@ -90,36 +90,36 @@ class SlopesTable:
     def at(
         self, leaf: np.ndarray, logarithm: np.ndarray, x: np.ndarray, speed: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The integrals (m, k + 2, COLUMNS) of motions (m,) up to k places and both ends, and what they may be off.
+        """The integrals (k + 2, COLUMNS, m) of motions (m,) up to k places and both ends, and what they may be off.
 
-        The leaves go by their numbers. The places are ``x`` (m, k) from the reference, where the speeds |du/dτ| are
-        ``speed`` (m, k). All integrals are from one place on a motion; on those that turn once it goes away from there.
+        The leaves go by their numbers. The places are ``x`` (k, m) from the reference, where the speeds |du/dτ| are
+        ``speed`` (k, m). All integrals are from one place on a motion; on those that turn once it goes away from there.
         """
-        k = x.shape[1]
-        out, off = np.empty((2, len(leaf), k + 2, COLUMNS))
-        for number, rows in grouped(leaf):
-            own = self.leaves[number]
+        k = len(x)
+        out, off = np.empty((2, k + 2, COLUMNS, len(leaf)))
+        order, parts = in_groups(leaf)
+        for number, part in parts:
+            own, rows = self.leaves[number], order[part]
             local = (2 * logarithm[rows] - own.low - own.high) / (own.high - own.low)
-            in_logarithm = chebyshev.chebvander(local, LEAF_DEGREE)
-            out[rows, k:], off[rows, k:] = read_ends(own, in_logarithm)
-            most = (in_logarithm @ own.most)[:, None]
-            q, stretch = self._parameters(in_logarithm @ own.ends, most, x[rows])
+            in_logarithm = polynomials(local, LEAF_DEGREE)
+            out[k:, :, rows], off[k:, :, rows] = read_ends(own, in_logarithm)
+            most = own.most @ in_logarithm
+            q, stretch = self._parameters(own.ends.T @ in_logarithm, most, x[:, rows])
             share = np.clip(q / most, 0.0, 1.0)
-            values, off[rows, :k] = (
-                part.reshape(len(rows), k, COLUMNS)
-                for part in read(own, np.repeat(in_logarithm, k, axis=0), share.ravel())
-            )
-            row, place = np.nonzero(self._beside_turns(q, stretch))
-            if len(row):
-                rate = rates(own, in_logarithm[row], share[row, place]) / most[row]
-                ahead = self._nearer(q[row, place], stretch[row, 0], rate[:, 0], speed[rows][row, place])
-                values[row, place] += rate * ahead[:, None]
-            out[rows, :k] = values
+            beside = self._beside_turns(q, stretch)
+            for place in range(k):
+                values, off[place][:, rows] = read(own, local, share[place])
+                row = np.flatnonzero(beside[place])
+                if len(row):
+                    rate = rates(own, local[row], share[place, row]) / most[row]
+                    ahead = self._nearer(q[place, row], stretch[row], rate[0], speed[place][rows][row])
+                    values[:, row] += rate * ahead
+                out[place][:, rows] = values
         return out, off
 
     def _parameters(self, ends: np.ndarray, most: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The parameters (m, k) at places ``x`` (m, k) of motions with ``ends`` (m, 2), and the way between these."""
-        low, high = ends[:, :1], ends[:, 1:]
+        """The parameters (k, m) at places ``x`` (k, m) of motions with ``ends`` (2, m), and the way between these."""
+        low, high = ends
         if self.slopes.kind is TwoTurns:
             above, below = np.maximum(x - low, 0.0), np.maximum(high - x, 0.0)
             return 2 * np.arctan2(np.sqrt(above), np.sqrt(below)), high - low
@@ -129,7 +129,7 @@ class SlopesTable:
         return x - (self.slopes.box[0] - self.slopes.reference), most
 
     def _beside_turns(self, q: np.ndarray, stretch: np.ndarray) -> np.ndarray:
-        """True where motions at parameters ``q`` (m, k) are next to turning points."""
+        """True where motions at parameters ``q`` (k, m) are next to turning points."""
         if self.slopes.kind is TwoTurns:
             return np.sin(q) < NEAR
         return q < NEAR * stretch if self.slopes.kind is OneTurn else np.zeros_like(q, dtype=bool)

@@ -10,12 +10,13 @@ derivatives of these by C at fixed q, in which nothing is singular either.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.potential import NodesOutwards, Potential, PotentialNodes, PotentialValues
+from varcalc.numerics.one_coordinate.potential import Potential, PotentialNodes, PotentialValues
 
 DOUBTFUL = 1e-10
 """Of g: what is left of it at a node, where that is less, is told from its change."""
@@ -265,6 +266,11 @@ class MotionBounds:
     turning: np.ndarray
     jump: np.ndarray | float = np.nan
 
+    def take(self, rows: slice) -> MotionBounds:
+        """Those of some ``rows``."""
+        jump = np.broadcast_to(self.jump, self.x.shape)
+        return MotionBounds(self.x[rows], self.turning[rows], jump[rows])
+
 
 def bounds(
     potential: Potential,
@@ -273,15 +279,27 @@ def bounds(
     squared: np.ndarray,
     C: np.ndarray,
     wall: np.ndarray,
-    sign: int,
+    sign: np.ndarray | int,
 ) -> MotionBounds:
     """The bounds above (``sign`` 1) or below (-1) of motions from ``u0`` (m,) with w² = ``squared`` = g - C (m,).
 
     ``wall`` (m,) is the distance of the nearest surface there, infinite where there is none.
     """
+    sign = np.broadcast_to(sign, np.shape(u0))
     slices = [slice(k, k + MOTIONS_TOGETHER) for k in range(0, max(len(u0), 1), MOTIONS_TOGETHER)]
-    parts = [_bounds(potential, nodes, u0[part], squared[part], C[part], wall[part], sign) for part in slices]
+    parts = [_bounds(potential, nodes, u0[part], squared[part], C[part], wall[part], sign[part]) for part in slices]
     return MotionBounds(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(MotionBounds)))
+
+
+def both_bounds(
+    potential: Potential, nodes: PotentialNodes, u0: np.ndarray, squared: np.ndarray, C: np.ndarray,
+    walls: Sequence[np.ndarray],
+) -> tuple[MotionBounds, MotionBounds]:  # fmt: skip
+    """The :func:`bounds` of motions below and above, where the nearest surfaces are ``walls`` (each (m,)) off."""
+    m = len(u0)
+    u0, squared, C = (np.tile(values, 2) for values in (u0, squared, C))
+    found = bounds(potential, nodes, u0, squared, C, np.concatenate(walls), np.repeat([-1, 1], m))
+    return found.take(slice(m)), found.take(slice(m, None))
 
 
 def _bounds(
@@ -291,21 +309,23 @@ def _bounds(
     squared: np.ndarray,
     C: np.ndarray,
     wall: np.ndarray,
-    sign: int,
+    sign: np.ndarray,
 ) -> MotionBounds:
     start, slope = potential.at(u0)
-    outwards = nodes.upwards if sign > 0 else nodes.downwards
-    away, found, lower, upper = _brackets(potential, outwards, u0, squared, C, start, sign)
-    before = np.where(lower >= 0, np.maximum(outwards.u[np.maximum(lower, 0)] - sign * u0, 0.0), 0.0)
-    beyond = outwards.u[upper] - sign * u0
+    away, before, beyond = np.empty((3, len(u0)))
+    found, jump = np.empty(len(u0), dtype=bool), np.full(len(u0), np.nan)
+    sides = [(side, rows) for side in (-1, 1) if len(rows := np.flatnonzero(sign == side))]
+    for side, rows in sides:
+        own = u0[rows], squared[rows], C[rows], start[rows]
+        away[rows], found[rows], before[rows], beyond[rows] = _brackets(potential, nodes, *own, side)
     at_once = (squared == 0) & (sign * slope < 0)
-    looked_for = np.flatnonzero(found & ~at_once & (before < wall))
-    x = np.maximum(away, 0.0)
-    low, high = sign * before[looked_for], sign * beyond[looked_for]
-    x[looked_for] = sign * potential.zero(u0[looked_for], squared[looked_for], C[looked_for], low, high)
+    some = np.flatnonzero(found & ~at_once & (before < wall))
+    x, way = np.maximum(away, 0.0), sign[some]
+    x[some] = way * potential.zero(u0[some], squared[some], C[some], way * before[some], way * beyond[some])
     x[at_once] = 0.0
-    jump, some = np.full(len(u0), np.nan), np.flatnonzero(found & ~at_once)
-    jump[some] = _at_jumps(potential, u0[some], x[some], sign)
+    for side, rows in sides:
+        stopped = rows[found[rows] & ~at_once[rows]]
+        jump[stopped] = _at_jumps(potential, u0[stopped], x[stopped], side)
     x = np.where(np.isnan(jump), x, sign * (jump - u0))
     turning = (found | at_once) & np.isnan(jump) & (x < wall)
     return MotionBounds(sign * np.where(turning, x, np.minimum(x, wall)), turning, np.where(x < wall, jump, np.nan))
@@ -324,18 +344,19 @@ def _at_jumps(potential: Potential, u0: np.ndarray, x: np.ndarray, sign: int) ->
 
 
 def _brackets(
-    potential: Potential, nodes: NodesOutwards, u0: np.ndarray, squared: np.ndarray, C: np.ndarray, start: np.ndarray,
+    potential: Potential, nodes: PotentialNodes, u0: np.ndarray, squared: np.ndarray, C: np.ndarray, start: np.ndarray,
     sign: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """How far off the last node is, whether motions turn back before it, and the nodes between which they do (m,).
+    """How far off the last node is, whether motions turn back before it, and how far off two places between which.
 
-    The first of these is -1 where they do so before the first node. g is monotone from one of its turns to the next,
-    so that it is enough to ask there; where a motion all but comes to rest, a difference of values is round-off, and
-    what is left is told from its change.
+    The first of these is the start where motions turn back before the first node. g is monotone from one of its turns
+    to the next, so that it is enough to ask there; where a motion all but comes to rest, a difference of values is
+    round-off, and what is left is told from its change.
     """
-    turns, row = nodes.turns, np.arange(len(u0))
-    away = nodes.u[turns] - sign * u0[:, None]
-    g = np.broadcast_to(nodes.g[turns], away.shape)
+    outwards = nodes.upwards if sign > 0 else nodes.downwards
+    turns, row = outwards.turns, np.arange(len(u0))
+    away = outwards.u[turns] - sign * u0[:, None]
+    g = np.broadcast_to(outwards.g[turns], away.shape)
     left = PotentialValues(g, g, g - start[:, None], g).above(C[:, None], squared[:, None])
     slack = DOUBTFUL * np.maximum(C, np.abs(start))
     doubtful, turn = np.nonzero(np.abs(left) <= slack[:, None])
@@ -345,10 +366,12 @@ def _brackets(
     stopped = (away > 0) & (left <= 0)
     first = np.argmax(stopped, axis=1)
     previous = np.where((first > 0) & (away[row, np.maximum(first - 1, 0)] > 0), turns[np.maximum(first - 1, 0)], -1)
-    begin = np.maximum(np.searchsorted(nodes.u, sign * u0, side="right"), previous + 1)
-    upper = np.minimum(nodes.first_below(begin, C - slack), turns[first])
-    lower = np.minimum(nodes.first_below(begin, C + slack), upper) - 1
-    return away[:, -1], np.any(stopped, axis=1), np.where(lower >= begin, lower, previous), upper
+    begin = np.maximum(np.searchsorted(outwards.u, sign * u0, side="right"), previous + 1)
+    upper = np.minimum(outwards.first_below(begin, C - slack), turns[first])
+    lower = np.minimum(outwards.first_below(begin, C + slack), upper) - 1
+    lower = np.where(lower >= begin, lower, previous)
+    before = np.where(lower >= 0, np.maximum(outwards.u[np.maximum(lower, 0)] - sign * u0, 0.0), 0.0)
+    return away[:, -1], np.any(stopped, axis=1), before, outwards.u[upper] - sign * u0
 
 
 def _left_at(values: PotentialValues, g: np.ndarray, C: np.ndarray, squared: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ are the integrands.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, Self
 
@@ -61,14 +62,25 @@ class Integrable(Protocol):
         ...
 
 
-def _panel(way: Integrable, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss's rule for the integrals (columns, m) from ``low`` to ``high`` (m,), and for those of the sizes.
+def _panels(
+    way: Integrable, edges: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Gauss's rule for the integrals (columns, m) from some ``edges`` to others (each (m,)), and for those of sizes.
 
-    With them, whether its points tell all (m,).
+    With them, whether its points tell all (m,). What is integrated is asked for once.
     """
-    half = (high - low) / 2
-    places, values = way.integrands(((low + high) / 2)[:, None] + half[:, None] * NODES)
-    return half * (values @ WEIGHTS), np.abs(half) * (np.abs(values) @ WEIGHTS), seen(way.gentle, places)
+    middles, halves = [(low + high) / 2 for low, high in edges], [(high - low) / 2 for low, high in edges]
+    places, values = way.integrands(
+        np.concatenate([m[:, None] + h[:, None] * NODES for m, h in zip(middles, halves, strict=True)], axis=1)
+    )
+    out = []
+    for k, half in enumerate(halves):
+        own = slice(k * len(NODES), (k + 1) * len(NODES))
+        parts = values[..., own]
+        out.append(
+            (half * (parts @ WEIGHTS), np.abs(half) * (np.abs(parts) @ WEIGHTS), seen(way.gentle, places[:, own]))
+        )
+    return out
 
 
 def integrals(
@@ -84,12 +96,12 @@ def integrals(
     with np.errstate(all="ignore"):
         rows, left, right = cut(way, low, high)
         agreed = np.broadcast_to(agreed, np.shape(low))
-        whole, sizes, _ = _panel(way.take(rows), left, right)
+        middle = (left + right) / 2
+        (whole, sizes, _), *halves = _panels(way.take(rows), [(left, right), (left, middle), (middle, right)])
         total = np.zeros((len(whole), len(low)))
         size = _by_row(rows, sizes, total) + np.abs(np.transpose(known)) + np.finfo(float).tiny
         for _ in range(halvings):
-            part, middle = way.take(rows), (left + right) / 2
-            (first, _, told), (second, _, told_too) = _panel(part, left, middle), _panel(part, middle, right)
+            (first, _, told), (second, _, told_too) = halves
             wrong = np.abs(first + second - whole)
             # the derivative by C may add up to nothing but round-off; it is as smooth as the rate itself
             fine = np.all((wrong <= agreed[rows] * size[:, rows])[:BY_C], axis=0) & told & told_too
@@ -103,7 +115,8 @@ def integrals(
                 break
             rows = np.tile(rows[rest], 2)
             left, right = np.append(left[rest], middle[rest]), np.append(middle[rest], right[rest])
-            whole = np.concatenate([first[:, rest], second[:, rest]], axis=1)
+            whole, middle = np.concatenate([first[:, rest], second[:, rest]], axis=1), (left + right) / 2
+            halves = _panels(way.take(rows), [(left, middle), (middle, right)])
         total[:, rows] = np.nan
     return total.T
 

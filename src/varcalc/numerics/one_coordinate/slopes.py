@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion, NoTurn, OneTurn, TwoTurns, bounds, ways
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion, NoTurn, OneTurn, TwoTurns, both_bounds, ways
 from varcalc.numerics.one_coordinate.potential import Potential, PotentialNodes
 
 ROUNDED = 8 * float(np.finfo(float).eps)
@@ -68,10 +68,7 @@ class SameSlopes:
         sides = zip((self.below, self.above), self.box, strict=True)
         walls = [np.full(len(C), np.inf if k >= 0 else abs(side - self.reference)) for k, side in sides]
         squared = more + fall
-        below, above = (
-            bounds(self.potential, self.nodes, u0, squared, C, wall, sign)
-            for wall, sign in zip(walls, (-1, 1), strict=True)
-        )
+        below, above = both_bounds(self.potential, self.nodes, u0, squared, C, walls)
         ends = np.stack([below.x, above.x], axis=1)
         for every, found, _ in ways(self.potential, u0, np.sqrt(squared), below, above):
             own = np.flatnonzero(found.sign == self.sign) if isinstance(found, OneTurn) else np.arange(len(every))

@@ -14,7 +14,7 @@ from threading import Lock
 
 import numpy as np
 
-from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionBounds, bounds, ways
+from varcalc.numerics.one_coordinate.motions import CoordinateMotion, MotionBounds, both_bounds, ways
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import TAU, reached
 from varcalc.optics.media.medium import Field, Medium, Radial, Stratified
@@ -261,8 +261,7 @@ class _Run:
         m, beam, profile, nodes = len(self.beam), self.beam, self.profile, self.nodes
         u0, levels, squared = self.motions.u, self.levels, self.motions.w**2
         standing, standing_tau = self._standing()
-        below = bounds(profile, nodes, u0, squared, self.motions.C, levels.down, -1)
-        above = bounds(profile, nodes, u0, squared, self.motions.C, levels.up, 1)
+        below, above = both_bounds(profile, nodes, u0, squared, self.motions.C, (levels.down, levels.up))
         (below, dark_below), (above, dark_above) = self._dark(below), self._dark(above)
         targets = np.column_stack([standing_tau, self.path, self.sigma])
         end = Arrival(beam.take(np.arange(m)), np.full(m, NOTHING), np.full(m, int(RayStatus.ARRIVED)))
@@ -286,7 +285,7 @@ class _Run:
         return end, others
 
     def _dark(self, side: MotionBounds) -> tuple[MotionBounds, np.ndarray]:
-        """The bounds, and which (m,) are where n vanishes with its slope: rays end there and do not turn back."""
+        """The both_bounds, and which (m,) are where n vanishes with its slope: rays end there and do not turn back."""
         g, _ = self.profile.at(self.motions.u)
         with np.errstate(all="ignore"):
             there, slope = self.profile.at(self.motions.u + side.x)

@@ -33,6 +33,20 @@ class PassageTables:
     """The tables of one medium."""
 
     made: dict[tuple[float, ...], SlopesTable] = field(default_factory=dict)
+    boxes: list[tuple[float, float]] = field(default_factory=list)
+
+    def box(self, low: float, high: float, deepest: float, highest: float) -> tuple[float, float]:
+        """A range about that from ``low`` to ``high``, one that others have where it is not much wider.
+
+        It goes no deeper than the ``deepest`` place and no higher than the ``highest``.
+        """
+        size = high - low if high > low else max(abs(high), 1.0) / ROOM
+        for one in self.boxes:
+            if deepest <= one[0] <= low and high <= one[1] <= highest and one[1] - one[0] <= ROOM * size:
+                return one
+        least, most = outwards(np.array(low), np.array(high), np.array(size))
+        self.boxes.append((max(float(least), deepest), min(float(most), highest)))
+        return self.boxes[-1]
 
     def table(self, slopes: SameSlopes) -> SlopesTable:
         """That of some slopes, which are known by where they are."""
@@ -43,6 +57,7 @@ class PassageTables:
         if key not in self.made:
             if len(self.made) >= MOST_TABLES:
                 self.made.clear()
+                self.boxes.clear()
             self.made[key] = SlopesTable(slopes)
         return self.made[key]
 
@@ -90,11 +105,8 @@ class TabledPassages:
     def _box(self) -> tuple[float, float]:
         """A range of all the heights, which those of nearly the same have in common."""
         ends = np.append(self.passages.start, self.passages.end)
-        low, high = ends.min(), ends.max()
-        size = high - low if high > low else max(abs(high), 1.0) / ROOM
-        low, high = outwards(low, high, size)
         u = self.passages.nodes.u
-        return max(float(low), u[0]), min(float(high), u[-1])
+        return self.tables.box(float(ends.min()), float(ends.max()), float(u[0]), float(u[-1]))
 
     def at(self, pair: np.ndarray, angles: np.ndarray, scale: np.ndarray, enough: float = 0.0) -> np.ndarray:
         """See :meth:`RayPassages.at`: read from tables where these know as much, beside a ``scale`` (m, COUNT).
@@ -195,36 +207,36 @@ class TabledPassages:
         reaches &= (slopes.above < 0) | (end < u[slopes.above])
         leaf = table.leaf(logarithm, self.at_once)
         known = np.flatnonzero((leaf >= 0) & np.isfinite(logarithm) & reaches)
-        x = np.stack([start, end], axis=1)[known] - slopes.reference
-        last = np.sqrt(self.passages.higher[pair] + squared)
-        speed = np.stack([np.sqrt(squared), last], axis=1)[known]
+        pair, rows, squared = pair[known], rows[known], squared[known]
+        x = np.stack([start[known], end[known]]) - slopes.reference
+        speed = np.sqrt([squared, self.passages.higher[pair] + squared])
         values, off = table.at(leaf[known], logarithm[known], x, speed)
-        values[..., 0] *= c[known, None]
-        off[..., 0] *= c[known, None]
-        up = self.passages.way[pair[known]] > 0
+        values[:, 0] *= c[known]
+        off[:, 0] *= c[known]
+        up = self.passages.way[pair] > 0
         passages, away = (_assembled(slopes, part, up, way) for part, way in ((values, -1.0), (off, 1.0)))
-        out[rows[known]] = passages
+        out[rows] = passages.T
         with np.errstate(all="ignore"):  # where nothing is asked to what is nothing, that is known or it is not
-            away = away / np.fmax(scale[known], np.nan_to_num(np.abs(passages)))
+            away /= np.fmax(scale[known].T, np.abs(passages))
         # what does not exist, where motions do not turn, is known not to
-        away = np.nan_to_num(away, nan=0.0, posinf=np.inf)
-        rough[rows[known]] = np.maximum(away[:, :LAYERS], away[:, LAYERS:])
+        away[np.isnan(away)] = 0.0
+        rough[rows] = np.maximum(away[:LAYERS], away[LAYERS:]).T
 
 
 def _assembled(slopes: SameSlopes, values: np.ndarray, up: np.ndarray, minus: float) -> np.ndarray:
-    """S, U and D with their optical paths (m, 6) from the integrals (m, 4, COLUMNS) to start, end, and both ends.
+    """S, U and D with their optical paths (6, m) from the integrals (4, COLUMNS, m) to start, end, and both ends.
 
     ``minus`` is -1.0, but 1.0 to add up what these are off.
     """
-    first, last = values[:, 2], values[:, 3]
+    start, end, first, last = values
     none = np.full_like(first, np.nan)
-    parts = [np.abs(values[:, 1] + minus * values[:, 0])]
-    for place, higher in ((values[:, 1], up), (values[:, 0], ~up)):
+    parts = [np.abs(end + minus * start)]
+    for place, higher in ((end, up), (start, ~up)):
         if slopes.kind is TwoTurns:
             under, over = place + minus * first, last + minus * place
         elif slopes.kind is OneTurn:
             under, over = (place + minus * first, none) if slopes.sign > 0 else (none, place + minus * first)
         else:
             under = over = none
-        parts.append(np.where(higher[:, None], over, under))
-    return np.stack(parts, axis=2).reshape(len(first), COLUMNS * LAYERS)
+        parts.append(np.where(higher, over, under))
+    return np.stack(parts, axis=1).reshape(COLUMNS * LAYERS, -1)

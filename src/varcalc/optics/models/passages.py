@@ -103,8 +103,7 @@ class RayPassages(HeightPairs):
             if k == 0:
                 far = np.abs(there - u0)
             else:
-                sides = [bounds(self.profile, self.nodes, u, w, c**2, free, sign) for sign in (-1, 1)]
-                far = np.where(way > 0, sides[1].x, -sides[0].x) / 2
+                far = np.abs(bounds(self.profile, self.nodes, u, w, c**2, free, way).x) / 2
             part = np.flatnonzero(np.isfinite(far) & (far >= 0))
             straight = NoTurn(self.profile, zero, u, w, way, c**2).take(part)
             with np.errstate(all="ignore"):
@@ -117,15 +116,12 @@ class RayPassages(HeightPairs):
     ) -> None:
         u0, to, root = self.start[pair], self.way[pair], np.sqrt(self.g[pair])
         c, w = root * np.cos(angles), root * np.sin(angles)
-        free = np.full(len(angles), np.inf)
-        below, above = (bounds(self.profile, self.nodes, u0, w**2, c**2, free, sign) for sign in (-1, 1))
-        beyond, there, last = np.empty(len(angles)), self.end[pair], w**2 + self.higher[pair]
-        turns = np.empty((2, len(angles)), dtype=bool)
-        for sign in (-1, 1):
-            some = np.flatnonzero(to == sign)
-            turned = bounds(self.profile, self.nodes, there[some], last[some], c[some] ** 2, free[some], sign)
-            beyond[some] = np.abs(turned.x)
-            turns[:, some] = (above if sign < 0 else below).turning[some], turned.turning
+        there, last = self.end[pair], w**2 + self.higher[pair]
+        u, squared, sign = np.concatenate([u0, u0, there]), np.concatenate([w**2, w**2, last]), np.full_like(to, -1.0)
+        free, m = np.full(len(u), np.inf), len(angles)
+        found = bounds(self.profile, self.nodes, u, squared, np.tile(c**2, 3), free, np.concatenate([sign, -sign, to]))
+        below, above, turned = (found.take(slice(k * m, (k + 1) * m)) for k in range(3))
+        beyond, turns = np.abs(turned.x), [np.where(to > 0, below.turning, above.turning), turned.turning]
         x = there - u0
         # how far beyond an end close by rays turn is told from there: both ends may be turning points, all but for
         # round-off; elsewhere from the start, so that a turning point that is not well known is one and the same
@@ -137,21 +133,36 @@ class RayPassages(HeightPairs):
         # where no turning point is near S, its ends are told better by their heights than on that motion
         away = np.where(turns, [np.where(to > 0, -below.x, above.x), beyond], np.inf)
         far = (away.min(axis=0) > np.abs(x)) & (x != 0)
-        straight = NoTurn(self.profile, np.zeros_like(x), u0, w**2, to, c**2)
+        straight, moves = NoTurn(self.profile, np.zeros_like(x), u0, w**2, to, c**2), np.zeros(len(x), dtype=bool)
         with np.errstate(all="ignore"):  # where there is no passage, or it is not resolved, there is no number
             reaches = (below.x <= x + room) & (x - room <= above.x)
+            asked = reaches[:, None] & wanted
+            shared = asked & ~(far[:, None] & (np.arange(LAYERS) == 0))
             for rows, way, _ in ways(self.profile, u0, to * w, below, above):
+                moves[rows] = True
                 legs = _legs(way, to[rows], np.abs(x[rows]), beyond[rows], [jump[rows] for jump in jumps])
-                alone = straight.take(rows), (np.zeros(len(rows)), np.abs(x[rows])), far[rows], 0
-                shared = [(way, leg, ~far[rows] | (k > 0), k) for k, leg in enumerate(legs)]
-                for motion, (low, high), own, k in (alone, *shared):
-                    asked = own & reaches[rows] & wanted[rows, k]
-                    exists = np.flatnonzero(asked & np.isfinite(low) & np.isfinite(high))
-                    part = rows[exists]
-                    sums = self._along(motion.take(exists), c[part] ** 2, low[exists], high[exists], agreed[part, k])
-                    known = np.isfinite(sums[:, TAU]) & np.isfinite(sums[:, PATH])
-                    out[part, k] = np.where(known, c[part] * sums[:, TAU], -np.inf)
-                    out[part, LAYERS + k] = np.where(known, sums[:, PATH], -np.inf)
+                ends = np.moveaxis(np.array(legs), 0, -1)
+                which, k = np.nonzero(shared[rows] & np.all(np.isfinite(ends), axis=0))
+                self._sum(out, rows[which], k, way.take(which), c, ends[:, which, k], agreed)
+            alone = np.flatnonzero(asked[:, 0] & far & moves)
+            ends = np.array([np.zeros(len(alone)), np.abs(x[alone])])
+            self._sum(out, alone, np.zeros_like(alone), straight.take(alone), c, ends, agreed)
+
+    def _sum(
+        self,
+        out: np.ndarray,
+        rows: np.ndarray,
+        k: np.ndarray,
+        motion: CoordinateMotion,
+        c: np.ndarray,
+        ends: np.ndarray,
+        agreed: np.ndarray,
+    ) -> None:
+        """Write down S, U or D, as ``k`` (n,) says, of ``rows`` (n,) on motions between ``ends`` (2, n)."""
+        sums = self._along(motion, c[rows] ** 2, ends[0], ends[1], agreed[rows, k])
+        known = np.isfinite(sums[:, TAU]) & np.isfinite(sums[:, PATH])
+        out[rows, k] = np.where(known, c[rows] * sums[:, TAU], -np.inf)
+        out[rows, LAYERS + k] = np.where(known, sums[:, PATH], -np.inf)
 
     def _along(
         self, motion: CoordinateMotion, C: np.ndarray, low: np.ndarray, high: np.ndarray, agreed: np.ndarray
