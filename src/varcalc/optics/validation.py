@@ -11,8 +11,8 @@ from varcalc.problem.conditions import finite as number
 from varcalc.problem.conditions import numbers, positive, told
 
 __all__ = [
-    "CHUNK", "DIMENSIONS", "by_chunks", "direction", "how_far", "matched", "number", "numbers", "point", "positive",
-    "rows", "unit_rows",
+    "CHUNK", "DIMENSIONS", "by_chunks", "chunks", "direction", "how_far", "matched", "number", "numbers", "point",
+    "positive", "rows", "unit_rows",
 ]  # fmt: skip
 
 CHUNK = 1 << 16
@@ -90,4 +90,10 @@ def by_chunks(function: Callable[[np.ndarray], np.ndarray], points: np.ndarray) 
     """``function`` (m,) of points (m, d), so many at a time; of one that is there m times, once."""
     if points.strides[0] == 0:
         return np.broadcast_to(function(points[:1]), len(points))
-    return np.concatenate([function(points[k : k + CHUNK]) for k in range(0, len(points), CHUNK)] or [np.zeros(0)])
+    return np.concatenate([function(points[part]) for part in chunks(len(points))] or [np.zeros(0)])
+
+
+def chunks(count: int) -> list[slice]:
+    """Parts of ``count`` rays or points, each a chunk at most, and of one size: few are carried more slowly each."""
+    size = -(-count // max(1, -(-count // CHUNK)))
+    return [slice(first, min(first + size, count)) for first in range(0, count, max(1, size))]

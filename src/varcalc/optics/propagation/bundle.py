@@ -130,7 +130,7 @@ def traced(propagator: Propagator, starts: Starts, *, with_spreading: bool, prog
             starts.directions, starts.index,
         ),
     )  # fmt: skip
-    parts = [slice(first, min(first + validation.CHUNK, m)) for first in range(0, m, validation.CHUNK)]
+    parts = validation.chunks(m)
     carried = 0
     with telling(progress, "rays") as told:
         stage = Stage(lambda done, what: told(done, m, what))
