@@ -1,5 +1,7 @@
 """Ends that slide where phi = 0 comes near in several places: the nearest is found, from wherever a solve begins."""
 
+import re
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -54,3 +56,24 @@ def test_a_method_that_follows_no_valley_tells_of_the_other_place():
     x = np.linspace(1e-3, 8, 800_001)
     least = (two_bays(x, np.exp) ** 2 / (2 * x) + x / 2).min()
     assert solution.local or solution.value == pytest.approx(least, abs=1e-8)
+
+
+def test_a_free_end_goes_along_with_the_one_that_slides_to_where_the_other_medium_is():
+    """Two media meet on y = 0.04 x; level in the slow one costs 16 - 4/k, in the fast one 3 x + k (x - 4)² at most.
+
+    By points far apart on phi = 0 the second, whose least one has its end where the media meet, looks dearer.
+    """
+    k = 1.762
+    problem = vc.Problem(
+        lambda x, y, v: ca.if_else(y > 0.04 * x, 3.0, 4.0) * ca.sqrt(1 + v**2),
+        vc.Free(0.0),
+        vc.OnCurve(lambda x, y: x - 4 - 0.5 * (y + 0.6), 4.0),
+        end_cost=lambda x0, y0, x1, y1: k * (x1 - 4) ** 2 + (y1 - y0) ** 2 / 2,
+    )
+    solution = vc.solve(problem, throw=False)
+    x = (4 + 0.5 * 0.6) / (1 - 0.5 * 0.04)
+    level = 3 * x + k * (x - 4) ** 2
+    assert level < 16 - 4 / k
+    told = re.search(r"its end has the value ([\d.]+)", solution.message)
+    least = float(told[1]) if solution.local and told else solution.value
+    assert least <= level * (1 + 1e-3)

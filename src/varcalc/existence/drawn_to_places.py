@@ -28,8 +28,11 @@ DRAWN_TO_NOTHING, FARTHER = 1e-2, (16.0, 64.0)
 """Of the interval that was told: a curve that is so short says nothing of how far to look, which is farther then."""
 PLACES_ON_GRID = {2: 29, 3: 11}
 """Along each coordinate of a grid on which phi is told, by the number of coordinates."""
-PIECES_DRAWN, POINTS_DRAWN = 8, 3
-"""Pieces of the known curve, and Gauss points on each, by which a drawn curve is summed."""
+PIECES_DRAWN, POINTS_DRAWN, TOLD_BY = 8, 3, 128
+"""Pieces of the known curve, and Gauss points on each, by which drawn curves are compared; pieces by which one is told.
+
+Beside a jump of L the best one by few points is the one whose points miss most of it.
+"""
 ONE_VALLEY = 2.1
 """Distance of points, in steps of the grid, within which one of them is the least."""
 WORTH_FOLLOWING = 0.5
@@ -42,6 +45,8 @@ SLID_TO_ONE = 0.05
 """Distance of the ends of polygons in one valley, in units of the curve's extents."""
 MOST_PLACES = 3
 """Points of one end from which valleys are followed."""
+TIMES_CLOSER = 3
+"""Grids, each about the best point of the one before, by which a place is told more closely."""
 PLACES_OF_EACH = 20
 """Points of each of two ends from which pairs are made."""
 
@@ -67,6 +72,19 @@ class PlaceOfEnds:
         return " and its ".join(moved)
 
 
+@dataclass(frozen=True)
+class _Rule:
+    """The known curve by all its coordinates, and its rates by the share of the way, (d, m), at points of a rule.
+
+    ``shares`` (2, m) are those of the way to the start and to the end.
+    """
+
+    places: np.ndarray
+    rates: np.ndarray
+    shares: np.ndarray
+    weights: np.ndarray
+
+
 class DrawnToPlaces:
     """The known curve drawn to other points by its ends at some ``sides``, an end at another where it is."""
 
@@ -77,13 +95,10 @@ class DrawnToPlaces:
         self._graph = isinstance(best.problem, Problem)
         self.span = (float(best.x.min()), float(best.x.max())) if self._graph else best.problem.span
         # by the share of the way, as the interval may have drawn to nothing
-        share, self._weights = composite_gauss(np.linspace(0, 1, PIECES_DRAWN + 1), POINTS_DRAWN)
-        length = self.span[1] - self.span[0]
-        self._known, rates = self._along(self.span[0] + share * length)
-        self._rates, self._shares = rates * length, np.array([1 - share, share])
+        self._rule = self._of_pieces(PIECES_DRAWN)
         self._ends = self._along(np.array(self.span))[0]
         self._places = PLACES_ON_GRID[len(self._ends)]
-        extents = np.ptp(np.column_stack([self._known, self._ends]), axis=1)
+        extents = np.ptp(np.column_stack([self._rule.places, self._ends]), axis=1)
         self._reaches: tuple[float, ...] = REACHES
         if self._graph:
             told = float(np.ptp(best.problem.span))
@@ -94,6 +109,13 @@ class DrawnToPlaces:
         else:  # where a curve keeps to a line its ends may go aside as far as along it
             extents = np.where(extents > DRAWN_TO_NOTHING * extents.max(), extents, extents.max())
         self._extents = np.where(extents > 0, extents, extents.max())
+
+    def _of_pieces(self, pieces: int) -> _Rule:
+        """By the share of the way, as the interval may have drawn to nothing."""
+        share, weights = composite_gauss(np.linspace(0, 1, pieces + 1), POINTS_DRAWN)
+        length = self.span[1] - self.span[0]
+        places, rates = self._along(self.span[0] + share * length)
+        return _Rule(places, rates * length, np.array([1 - share, share]), weights)
 
     def _along(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The known curve by all its coordinates, (d, m), and its rates by x, or its parameter."""
@@ -109,16 +131,37 @@ class DrawnToPlaces:
         if len(known) < len(phis):
             return []
         with np.errstate(all="ignore"):
-            (own,), (size,) = self._values(self._ends.T[None])
+            (own,), (size,) = self._values(self._ends.T[None], self._rule)
             enough = own + WORTH_FOLLOWING * size
             found = [lowest for reach in self._reaches for lowest in self._lowest(known, reach, enough)]
         chosen: list[tuple[float, np.ndarray, float]] = []
         for value, ends, apart in sorted(found, key=lambda one: one[0]):
             if all(np.linalg.norm((ends - other) / self._extents) > min(apart, of) for _, other, of in chosen):
                 chosen.append((value, ends, apart))
+        with np.errstate(all="ignore"):
+            closely = self._of_pieces(TOLD_BY)
+            closer = [self._closer(known, closely, ends, apart) for _, ends, apart in chosen[:MOST_PLACES]]
+            (own,), _ = self._values(self._ends.T[None], closely)
         # what the rule misses of the known curve, as at an end where L is infinite, it misses of the others
         missed = max(self._value - own, 0.0)
-        return [self._place(ends, value + missed) for value, ends, _ in chosen[:MOST_PLACES]]
+        return [self._place(ends, value + missed) for value, ends in closer]
+
+    def _closer(
+        self, phis: Sequence[ca.Function], rule: _Rule, ends: np.ndarray, apart: float
+    ) -> tuple[float, np.ndarray]:
+        """The least value beside ``ends`` (2, d), by a ``rule``, and where: beside a jump of L a grid tells little."""
+        value = float(self._values(ends[None], rule)[0][0])
+        taken = bool(len(self.sides) == 1 and np.any(ends[1 - self.sides[0]] != self._ends[:, 1 - self.sides[0]]))
+        for _ in range(TIMES_CLOSER):
+            for side, phi in zip(self.sides, phis, strict=True):
+                points = self._points(phi, side, apart, ends[side])
+                moved = self._in_order(self._moved(ends, side, points, along=taken))
+                values = self._values(moved, rule)[0]
+                values = np.where(np.isfinite(values), values, np.inf)
+                if len(values) and values.min() < value:
+                    value, ends = float(values.min()), moved[np.argmin(values)]
+            apart *= self._beside_points
+        return value, ends
 
     def spread(self) -> np.ndarray:
         """Ends (k, 2, d), a few on each grid, each as far as can be from the known ones and those before it."""
@@ -162,10 +205,10 @@ class DrawnToPlaces:
         self, phis: Sequence[ca.Function], reach: float, enough: float
     ) -> list[tuple[float, np.ndarray, float]]:
         """Values below ``enough`` and ends (2, d) of one grid, the least nearby, and how near that is, in extents."""
-        ends, apart = self._pairs(phis, reach), ONE_VALLEY * 2 * reach / (self._places - 1)
+        ends, apart = self._pairs(phis, reach), reach * self._beside_points
         if not len(ends):
             return []
-        values, _ = self._values(ends)
+        values, _ = self._values(ends, self._rule)
         values = np.where(np.isfinite(values), values, np.inf)
         scaled = ((ends - self._ends.T) / self._extents).reshape(len(ends), -1)
         away = (scaled**2).sum(axis=1)
@@ -176,21 +219,47 @@ class DrawnToPlaces:
         return [(float(values[k]), ends[k], apart) for k in least.tolist()]
 
     def _pairs(self, phis: Sequence[ca.Function], reach: float) -> np.ndarray:
-        """Both ends (k, 2, d) of curves drawn to points of each phi = 0; those of a graph keep their order."""
-        own = self._ends.T
-        points = {side: self._points(phi, side, reach) for side, phi in zip(self.sides, phis, strict=True)}
-        if len(points) == 2:
-            points = {side: some[:: max(1, len(some) // PLACES_OF_EACH)] for side, some in points.items()}
-        first, last = (points.get(side, own[[side]]) for side in (0, 1))
-        ends = np.stack([np.repeat(first, len(last), axis=0), np.tile(last, (len(first), 1))], axis=1)
-        if not self._graph:
-            return ends
-        return ends[ends[:, 1, 0] - ends[:, 0, 0] >= NEAREST_ABSCISSA * self._extents[0]]
+        """Both ends (k, 2, d) of curves drawn to points of each phi = 0; those of a graph keep their order.
 
-    def _points(self, phi: ca.Function, side: int, reach: float) -> np.ndarray:
-        """Points (k, d) of phi = 0: on the grid's lines, straight between two places that it parts."""
-        end = self._ends[:, side]
-        low, high = (end + sign * reach * self._extents for sign in (-1, 1))
+        Where the other end is free it stays, or goes along with the one that is drawn.
+        """
+        own = self._ends.T
+        points = [self._points(phi, side, reach, own[side]) for side, phi in zip(self.sides, phis, strict=True)]
+        if len(points) == 2:
+            first, last = (some[:: max(1, len(some) // PLACES_OF_EACH)] for some in points)
+            ends = np.stack([np.repeat(first, len(last), axis=0), np.tile(last, (len(first), 1))], axis=1)
+        else:
+            side = self.sides[0]
+            ways = (False, True) if np.any(self._free(1 - side)) else (False,)
+            ends = np.concatenate([self._moved(own, side, points[0], along=along) for along in ways])
+        return self._in_order(ends)
+
+    def _in_order(self, ends: np.ndarray) -> np.ndarray:
+        """Those of the ``ends`` (k, 2, d) between which a graph runs forwards."""
+        apart = ends[:, 1, 0] - ends[:, 0, 0] >= NEAREST_ABSCISSA * self._extents[0]
+        return ends[apart] if self._graph else ends
+
+    def _free(self, side: int) -> np.ndarray:
+        """Which ordinates, or coordinates, of an end (n,) are free."""
+        end = getattr(self.problem, LABELS[side])
+        return np.isnan(end.values(self.problem.n)) & (not end.slides)
+
+    def _moved(self, ends: np.ndarray, side: int, points: np.ndarray, *, along: bool) -> np.ndarray:
+        """The ``ends`` (2, d), that of a ``side`` at points (k, d); the other, as far as it is free, goes ``along``."""
+        moved, n = np.repeat(ends[None], len(points), axis=0), self.problem.n
+        moved[:, side] = points
+        if along:
+            moved[:, 1 - side, -n:] += np.where(self._free(1 - side), (points - ends[side])[:, -n:], 0.0)
+        return moved
+
+    @property
+    def _beside_points(self) -> float:
+        """How near to each other the points of a grid are in one valley, in units of how far it reaches."""
+        return ONE_VALLEY * 2 / (self._places - 1)
+
+    def _points(self, phi: ca.Function, side: int, reach: float, about: np.ndarray) -> np.ndarray:
+        """Points (k, d) of phi = 0: on the lines of a grid ``about`` one, straight between two places that it parts."""
+        low, high = (about + sign * reach * self._extents for sign in (-1, 1))
         if self._graph and len(self.sides) == 1:  # beyond the other end there is no use for a place
             other, nearest = self._ends[0, 1 - side], NEAREST_ABSCISSA * self._extents[0]
             if side:
@@ -220,17 +289,14 @@ class DrawnToPlaces:
             return None
         return ca.Function("phi", [ca.vertcat(*symbols)], [ca.densify(level)])
 
-    def _drawn(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Places and rates (k, d, m) of the curves drawn to ``ends`` (k, 2, d)."""
-        away = ends - self._ends.T
-        places = self._known + np.einsum("ked,em->kdm", away, self._shares)
-        return places, self._rates + (away[:, 1] - away[:, 0])[:, :, None]
-
-    def _values(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _values(self, ends: np.ndarray, rule: _Rule) -> tuple[np.ndarray, np.ndarray]:
         """What is minimised along the curves drawn to ``ends`` (k, 2, d), and the same of its absolute value; (k,)."""
-        columns = [a.transpose(1, 0, 2).reshape(a.shape[1], -1) for a in self._drawn(ends)]
+        away = ends - self._ends.T
+        places = rule.places + np.einsum("ked,em->kdm", away, rule.shares)
+        rates = rule.rates + (away[:, 1] - away[:, 0])[:, :, None]
+        columns = [a.transpose(1, 0, 2).reshape(a.shape[1], -1) for a in (places, rates)]
         along = self.problem.sign * self._integrand(*columns).reshape(len(ends), -1)
-        return along @ self._weights + self._costs(ends), np.abs(along) @ self._weights
+        return along @ rule.weights + self._costs(ends), np.abs(along) @ rule.weights
 
     def _integrand(self, places: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """L by the share of the way, (m,), at places and rates (d, m)."""
