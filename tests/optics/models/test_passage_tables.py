@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from varcalc import optics
-from varcalc.optics.models.passage_tables import PassageTables, TabledPassages
+from varcalc.optics.models.passage_tables import MOST_TABLES, PassageTables, TabledPassages
 from varcalc.optics.models.passages import RayPassages
 from varcalc.optics.models.reduction import Profile
 
@@ -68,6 +68,19 @@ def test_other_pairs_of_about_the_same_heights_are_read_from_the_same_tables():
         made.append(set(tables.made))
     assert made[0] == made[1]
     assert len(made[0]) > 1
+
+
+def test_pairs_asked_about_one_by_one_are_read_from_the_same_tables_where_their_heights_are_much_the_same():
+    tables = PassageTables()
+    first = tables.box(-3900.0, -150.0, -9000.0, 0.0)
+    assert first[0] <= -3900.0 < -150.0 <= first[1]
+    assert tables.box(-3000.0, -700.0, -9000.0, 0.0) == first
+    assert tables.box(-3000.0, -700.0, -9000.0, -10.0)[1] <= -10.0  # no higher than is asked
+    narrow = tables.box(-1001.0, -1000.0, -9000.0, 0.0)
+    assert -1002.0 <= narrow[0] <= -1001.0 < -1000.0 <= narrow[1] <= -999.0
+    for place in np.geomspace(1.0, 1e9, 2 * MOST_TABLES):
+        tables.box(place, 1.5 * place, -np.inf, np.inf)
+    assert len(tables.boxes) <= MOST_TABLES
 
 
 def test_tables_are_made_once_many_motions_were_asked_about():

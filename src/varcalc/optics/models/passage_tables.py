@@ -23,7 +23,7 @@ from varcalc.optics.models.passages import RayPassages, past_centre
 MOST_TURNS = 32
 """Turns of g, with more of which no table is made."""
 MOST_TABLES = 16
-"""Kept of a medium."""
+"""Kept of a medium, and ranges of heights that they are made for."""
 AS_WELL = 4.0
 """By how many times what is read may be farther off than panels of integrals that agree."""
 
@@ -44,6 +44,8 @@ class PassageTables:
         for one in self.boxes:
             if deepest <= one[0] <= low and high <= one[1] <= highest and one[1] - one[0] <= ROOM * size:
                 return one
+        if len(self.boxes) >= MOST_TABLES:
+            self.boxes.clear()
         least, most = outwards(np.array(low), np.array(high), np.array(size))
         self.boxes.append((max(float(least), deepest), min(float(most), highest)))
         return self.boxes[-1]
@@ -57,7 +59,6 @@ class PassageTables:
         if key not in self.made:
             if len(self.made) >= MOST_TABLES:
                 self.made.clear()
-                self.boxes.clear()
             self.made[key] = SlopesTable(slopes)
         return self.made[key]
 
