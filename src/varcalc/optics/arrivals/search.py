@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -81,6 +81,81 @@ class PointPairs(Rows):
     def in_planes(self) -> bool:
         """Whether planes hold the rays."""
         return self.axes.shape[1] > 0
+
+
+@dataclass(frozen=True)
+class _ToldRays:
+    """Rays between the ``ends`` of which all is ``known`` but how they spread, which is asked of all together, once.
+
+    ``full`` carries them, or what the ``other`` way has those that are ``careful`` (k,) or miss their targets.
+    """
+
+    full: Propagator
+    other: Callable[[], TwoPoint]
+    ends: PointPairs
+    known: Told
+    careful: np.ndarray
+
+    def rays(self) -> list[Ray]:
+        """One object each."""
+        known, full = self.known, self.full
+        name, media, surfaces = full.name, full.media, full.surfaces
+        numbers_of = zip(known.paths.tolist(), known.errors.tolist(), known.counts.tolist(), strict=True)
+        return [
+            Ray(
+                optical_path=path,
+                error=error,
+                index=count,
+                degenerate=False,
+                tangents=(known.headings[k], known.arriving[k]),
+                model=name,
+                spread=OfRow(self._spread, k),
+                way=OfRow(self._followed, k),
+                media=media,
+                surfaces=surfaces,
+            )
+            for k, (path, error, count) in enumerate(numbers_of)
+        ]
+
+    def _spread(self, k: int) -> float:
+        """How one ray spreads."""
+        return float(self._spreads[k])
+
+    @cached_property
+    def _spreads(self) -> np.ndarray:
+        """How all rays spread (k,)."""
+        out, off = np.empty(len(self.known)), np.where(self.careful, np.inf, 0.0)
+        rows = np.flatnonzero(~self.careful)
+        if len(rows):
+            out[rows], off[rows] = self._carried(self.full, rows)
+        rows = np.flatnonzero(off > CARRIED_WELL)
+        if len(rows):
+            out[rows], off[rows] = self._carried(self.other().full, rows)
+        return np.where((off > MEETS) & np.isfinite(self.known.spreads), self.known.spreads, out)
+
+    def _carried(self, full: Propagator, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How some rays spread, and how far off their targets they come, of the way between the points."""
+        end, some = full.through_all(self._started(rows), self.known.paths[rows])[1], self.ends.take(rows)
+        off, apart = (np.linalg.norm(p - some.targets, axis=1) for p in (end.position, some.sources))
+        return spreading(end), np.nan_to_num(off / apart, nan=np.inf)
+
+    def _started(self, rows: np.ndarray) -> Beam:
+        """The rays of some rows at their sources, with their neighbours."""
+        some = self.ends.take(rows)
+        index = self.full.fields[0].index(some.sources)
+        return launched(some.sources, self.known.headings[rows], index, neighbours=True)
+
+    def _followed(self, k: int) -> Sequence[Leg]:
+        """The legs of one ray; none where it does not come to its target."""
+        full = self.other().full if self.careful[k] else self.full
+        source, target = self.ends.sources[k], self.ends.targets[k]
+        try:
+            legs = full.followed(self._started(np.array([k])), float(self.known.paths[k]))[0]
+        except ArithmeticError:  # beside rays that rest it goes out of all bounds
+            return ()
+        ends_at = [leg.at(np.array([leg.length])).position[0] for leg in legs[-1:]]  # one that was lost has no leg
+        met = [np.linalg.norm(end - target) <= MEETS * np.linalg.norm(target - source) for end in ends_at]
+        return legs if all(met) else ()
 
 
 @dataclass
@@ -234,66 +309,11 @@ class TwoPoint:
         return rays
 
     def told(self, ends: PointPairs, known: Told, careful: np.ndarray, other: Callable[[], TwoPoint]) -> list[Ray]:
-        """The rays of which all is known but how they spread, which are carried together when one is asked for that.
+        """The rays of which all is known but how they spread.
 
         The ``careful`` ones (k,) are carried the ``other`` way, and those that miss their targets otherwise.
         """
-
-        def started(rows: np.ndarray) -> Beam:
-            """The rays of some rows at their sources, with their neighbours."""
-            some = ends.take(rows)
-            index = self.full.fields[0].index(some.sources)
-            return launched(some.sources, known.headings[rows], index, neighbours=True)
-
-        def carried(full: Propagator, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            """How some rays spread, and how far off their targets they come, of the way between the points."""
-            end, some = full.through_all(started(rows), known.paths[rows])[1], ends.take(rows)
-            off, apart = (np.linalg.norm(p - some.targets, axis=1) for p in (end.position, some.sources))
-            return spreading(end), np.nan_to_num(off / apart, nan=np.inf)
-
-        @cache
-        def spread() -> np.ndarray:
-            """How all rays spread (k,), found once."""
-            out, off = np.empty(len(known)), np.where(careful, np.inf, 0.0)
-            rows = np.flatnonzero(~careful)
-            if len(rows):
-                out[rows], off[rows] = carried(self.full, rows)
-            rows = np.flatnonzero(off > CARRIED_WELL)
-            if len(rows):
-                out[rows], off[rows] = carried(other().full, rows)
-            return np.where((off > MEETS) & np.isfinite(known.spreads), known.spreads, out)
-
-        def followed(k: int) -> Sequence[Leg]:
-            full = other().full if careful[k] else self.full
-            source, target = ends.sources[k], ends.targets[k]
-            try:
-                legs = full.followed(started(np.array([k])), float(known.paths[k]))[0]
-            except ArithmeticError:  # beside rays that rest it goes out of all bounds
-                return ()
-            ends_at = [leg.at(np.array([leg.length])).position[0] for leg in legs[-1:]]  # one that was lost has no leg
-            met = [np.linalg.norm(end - target) <= MEETS * np.linalg.norm(target - source) for end in ends_at]
-            return legs if all(met) else ()
-
-        def spread_of(k: int) -> float:
-            return float(spread()[k])
-
-        name, media, surfaces = self.full.name, self.full.media, self.full.surfaces
-        numbers_of = zip(known.paths.tolist(), known.errors.tolist(), known.counts.tolist(), strict=True)
-        return [
-            Ray(
-                optical_path=path,
-                error=error,
-                index=count,
-                degenerate=False,
-                tangents=(known.headings[k], known.arriving[k]),
-                model=name,
-                spread=OfRow(spread_of, k),
-                way=OfRow(followed, k),
-                media=media,
-                surfaces=surfaces,
-            )
-            for k, (path, error, count) in enumerate(numbers_of)
-        ]
+        return _ToldRays(self.full, other, ends, known, careful).rays()
 
     def _in_space(self, ends: PointPairs, stage: Stage) -> list[Rays]:
         """All rays of pairs with one source, over all directions of space."""
