@@ -156,9 +156,11 @@ class DrawnToPlaces:
             for side, phi in zip(self.sides, phis, strict=True):
                 points = self._points(phi, side, apart, ends[side])
                 moved = self._in_order(self._moved(ends, side, points, along=taken))
+                if len(moved) == 0:
+                    continue
                 values = self._values(moved, rule)[0]
                 values = np.where(np.isfinite(values), values, np.inf)
-                if len(values) and values.min() < value:
+                if values.min() < value:
                     value, ends = float(values.min()), moved[np.argmin(values)]
             apart *= self._beside_points
         return value, ends
