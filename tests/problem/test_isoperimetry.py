@@ -69,6 +69,32 @@ def test_an_arc_between_two_points(maximise):
     assert "isoperimetric inequality" in solution.searched
 
 
+@pytest.mark.parametrize("height", [0.0, 2.5])
+@pytest.mark.parametrize("both", [False, True])
+def test_a_shore_and_a_curve_enclose_no_more_than_a_semicircle(height, both):
+    level, shore = vc.Isoperimetric(lambda q, dq: ca.norm_2(dq), 3.0), lambda q: 2 * (height - q[1])
+    start = vc.OnSurface(shore, (0.0, height)) if both else vc.At((0.0, height))
+    ends = start, vc.OnSurface(shore, (1.0, height))
+    problem = vc.Curve(lambda q, dq: (q[1] - height) * dq[0], *ends, [level], maximise=True)
+    assert least_by_length(problem) == pytest.approx(-9 / (2 * np.pi), rel=1e-14)
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(9 / (2 * np.pi), rel=1e-10)
+    assert not solution.local
+    assert "isoperimetric inequality" in solution.searched
+
+
+def test_of_shores_that_bend_or_part_or_are_paid_for_nothing_is_told():
+    level, land = vc.Isoperimetric(lambda q, dq: ca.norm_2(dq), 3.0), lambda q, dq: q[1] * dq[0]
+    flat, other = vc.OnSurface(lambda q: q[1], (1, 0)), vc.OnSurface(lambda q: q[1] - 0.1 * q[0], (0, 0))
+    bent = vc.OnSurface(lambda q: q[1] - 0.1 * q[0] ** 2, (1, 0.1))
+    ends = [(other, flat), (flat, other), (flat, bent), (bent, flat), (bent, bent), (vc.At((0, 1e-9)), flat)]
+    ends += [(vc.At((0, 0)), bent), (flat, vc.At((0, 1)))]
+    for pair in ends:
+        assert least_by_length(vc.Curve(land, *pair, [level], maximise=True)) is None
+    for paid in (lambda q, dq: q[1] * dq[0] + dq[0], lambda q, dq: (q[1] + 0.1 * q[0]) * dq[0]):
+        assert least_by_length(vc.Curve(paid, flat, flat, [level], maximise=True)) is None
+
+
 def test_an_extremal_that_encloses_less_is_looked_around():
     # twice around a circle of half the length is an extremal as well
     problem = closed(area, lambda q, dq: ca.norm_2(dq))

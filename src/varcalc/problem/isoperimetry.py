@@ -15,6 +15,8 @@ from varcalc.symbolic.convexity import Shape
 
 ANGLE_HALVINGS = 60
 """Halvings by which the angle of an arc is found."""
+ON_SHORE = 8 * float(np.finfo(float).eps)
+"""Of where a place is: how far off a straight line it is on it."""
 ALONE = -1
 ROWS = {0: 0, 1: 1, ALONE: 2}
 """Where multiples of rates are kept that stand beside x, beside y, and alone."""
@@ -26,13 +28,15 @@ def least_by_length(problem: Functional) -> float | None:
     It is proved where L is a sum of multiples of coordinates times their rates, an area up to what the ends say, and a
     level that of the length. No closed curve encloses more than a circle of its length, and between two given points
     none does than an arc: with the rest of the arc's circle it would (Osserman, "The isoperimetric inequality", Bull.
-    Amer. Math. Soc. 84, 1978).
+    Amer. Math. Soc. 84, 1978). With a straight shore, on which its ends lie and along which nothing is summed, none
+    does than a semicircle: with its mirror image it would.
     """
     if not (isinstance(problem, Curve) and problem.n == 2 and problem.order == 1 and problem.symbols.kind is ca.SX):
         return None
-    closed = bool(problem.start.periodic)
+    closed, shore = bool(problem.start.periodic), _shore(problem) if any(problem.slides) else None
     ends = np.array([end.values(2) for end in (problem.start, problem.end)])
-    if any(problem.slides) or problem.end_cost_expression is not None or not (closed or np.isfinite(ends).all()):
+    known = closed or shore is not None or np.isfinite(ends).all()
+    if (any(problem.slides) and shore is None) or problem.end_cost_expression is not None or not known:
         return None
     integrand, constraints, _ = shapes_of(problem, problem.span, tuple(problem.parameters.values()))
     told = zip(problem.traced, constraints, strict=True)
@@ -40,11 +44,47 @@ def least_by_length(problem: Functional) -> float | None:
     products, length = _products(integrand), min(lengths, default=math.inf)
     if products is None or not math.isfinite(length):
         return None
+    turned = abs(products[0, 1] - products[1, 0])
+    if shore is not None:
+        point, along = shore
+        summed = (along @ products[:2] @ along, (point @ products[:2] + products[2]) @ along)
+        return None if np.any(summed) else -turned * length**2 / (2 * math.pi)
     chord = np.zeros(2) if closed else ends[1] - ends[0]
     middle = np.zeros(2) if closed else 0.5 * (ends[0] + ends[1])
     straight = float(middle @ products[:2] @ chord + products[2] @ chord)
     enclosed = _segment(length, math.hypot(*chord.tolist()))
-    return problem.sign * straight - abs(products[0, 1] - products[1, 0]) * enclosed
+    return problem.sign * straight - turned * enclosed
+
+
+def _shore(problem: Curve) -> tuple[np.ndarray, np.ndarray] | None:
+    """A point of the straight line on which both ends lie, where one slides, and along it; None where they do not."""
+    q, t = ca.SX.sym("q", 2), ca.SX.sym("t")
+    lines, places = list[tuple[np.ndarray, np.ndarray]](), list[np.ndarray]()
+    for label in ("start", "end"):
+        phi = problem.traced_slide(label, t, q, ca.SX)
+        line = None if phi is None else _straight(phi, q)
+        if line is None and phi is not None:
+            return None
+        lines += [] if line is None else [line]
+        places += [getattr(problem, label).values(2)] if line is None else [line[0], line[0] + line[1]]
+    point, along = lines[0]
+    across = np.array([-along[1], along[0]])
+    sizes = [np.abs(point).max() + np.abs(place).max() for place in places]
+    on = [abs(across @ (place - point)) <= ON_SHORE * size for place, size in zip(places, sizes, strict=True)]
+    return (point, along) if all(on) else None
+
+
+def _straight(phi: ca.SX, q: ca.SX) -> tuple[np.ndarray, np.ndarray] | None:
+    """A point of the line phi = 0 of a point q, and a unit vector along it; None where it is not straight."""
+    slope = ca.gradient(phi, q)
+    if ca.symvar(ca.densify(slope)):
+        return None
+    across = np.array(ca.evalf(slope)).ravel()
+    size, level = float(np.hypot(*across)), float(ca.evalf(ca.substitute(phi, q, ca.SX.zeros(2))))
+    if not 0 < size < math.inf:
+        return None
+    across = across / size
+    return -level / size * across, np.array([across[1], -across[0]])
 
 
 def _products(integrand: Shape) -> np.ndarray | None:
