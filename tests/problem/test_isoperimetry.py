@@ -88,6 +88,9 @@ def test_of_shores_that_bend_or_part_or_are_paid_for_nothing_is_told():
     flat, other = vc.OnSurface(lambda q: q[1], (1, 0)), vc.OnSurface(lambda q: q[1] - 0.1 * q[0], (0, 0))
     bent = vc.OnSurface(lambda q: q[1] - 0.1 * q[0] ** 2, (1, 0.1))
     ends = [(other, flat), (flat, other), (flat, bent), (bent, flat), (bent, bent), (vc.At((0, 1e-9)), flat)]
+    # a step has no slope and is no line
+    stepped = vc.OnSurface(lambda q: q[1] - 0.3 * ca.floor(q[0]), (0.5, 0))
+    ends += [(stepped, stepped), (vc.At((0, 0)), vc.OnSurface(lambda q: q[1] - 0.1 * ca.sign(q[0]), (0, 0)))]
     ends += [(vc.At((0, 0)), bent), (flat, vc.At((0, 1)))]
     for pair in ends:
         assert least_by_length(vc.Curve(land, *pair, [level], maximise=True)) is None

@@ -58,6 +58,7 @@ class AlongDirection:
             return [c + d * by if d else c for c, d in zip(curve, self.direction.tolist(), strict=True)]
 
         def values(some: slice, y: np.ndarray, v: np.ndarray) -> np.ndarray:
+            """L at some of the abscissae."""
             bent = [row[:, some, None, None] for rows in bends for row in rows]
             place, turned = moved(own, some, y), moved(slopes, some, v)
             return self.departures.least_at(x[:, some, None, None], place, turned, bent)

@@ -94,7 +94,6 @@ class DrawnToPlaces:
         self._value = best.problem.sign * best.value
         self._graph = isinstance(best.problem, Problem)
         self.span = (float(best.x.min()), float(best.x.max())) if self._graph else best.problem.span
-        # by the share of the way, as the interval may have drawn to nothing
         self._rule = self._of_pieces(PIECES_DRAWN)
         self._ends = self._along(np.array(self.span))[0]
         self._places = PLACES_ON_GRID[len(self._ends)]

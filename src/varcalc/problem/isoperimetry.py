@@ -11,7 +11,7 @@ from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.convexity import shapes_of
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve
-from varcalc.symbolic.convexity import Shape
+from varcalc.symbolic.convexity import Shape, shapes
 
 ANGLE_HALVINGS = 60
 """Halvings by which the angle of an arc is found."""
@@ -62,11 +62,13 @@ def _shore(problem: Curve) -> tuple[np.ndarray, np.ndarray] | None:
     lines, places = list[tuple[np.ndarray, np.ndarray]](), list[np.ndarray]()
     for label in ("start", "end"):
         phi = problem.traced_slide(label, t, q, ca.SX)
-        line = None if phi is None else _straight(phi, q)
-        if line is None and phi is not None:
+        if phi is None:
+            places.append(getattr(problem, label).values(2))
+        elif (line := _straight(phi, q)) is None:
             return None
-        lines += [] if line is None else [line]
-        places += [getattr(problem, label).values(2)] if line is None else [line[0], line[0] + line[1]]
+        else:
+            lines.append(line)
+            places += [line[0], line[0] + line[1]]
     point, along = lines[0]
     across = np.array([-along[1], along[0]])
     sizes = [np.abs(point).max() + np.abs(place).max() for place in places]
@@ -75,16 +77,15 @@ def _shore(problem: Curve) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _straight(phi: ca.SX, q: ca.SX) -> tuple[np.ndarray, np.ndarray] | None:
-    """A point of the line phi = 0 of a point q, and a unit vector along it; None where it is not straight."""
-    slope = ca.gradient(phi, q)
-    if ca.symvar(ca.densify(slope)):
+    """A point of the line phi = 0 of a point q, and a unit vector along it; None where it is not proved straight."""
+    shape = shapes(ca.Function("shore", [q], [ca.densify(phi)]), [[None, None]])[0][0]
+    told = [shape.part.linear.get(0, 0.0), shape.part.linear.get(1, 0.0), shape.part.constant]
+    numbers = [number for number in told if isinstance(number, float)]
+    size = math.hypot(*numbers[:2])
+    if not shape.affine or len(numbers) < len(told) or not 0 < size < math.inf:
         return None
-    across = np.array(ca.evalf(slope)).ravel()
-    size, level = float(np.hypot(*across)), float(ca.evalf(ca.substitute(phi, q, ca.SX.zeros(2))))
-    if not 0 < size < math.inf:
-        return None
-    across = across / size
-    return -level / size * across, np.array([across[1], -across[0]])
+    across = np.array(numbers[:2]) / size
+    return -numbers[2] / size * across, np.array([across[1], -across[0]])
 
 
 def _products(integrand: Shape) -> np.ndarray | None:
