@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import casadi as ca
 import click
 import numpy as np
 
@@ -29,6 +30,8 @@ class Speed:
     scene: str
     asked: str
     pairs: int
+    rays: float
+    """Of one pair, on average."""
     per_second: float
     per_processor_second: float
     with_spreading: float
@@ -43,15 +46,22 @@ def timed(scene: str, asked: str, question: Callable[[], list[optics.Rays]]) -> 
     assert all(ray.spreading >= 0 for rays in answers for ray in rays)
     whole = time.process_time() - used
     pairs = len(answers)
-    return Speed(scene, asked, pairs, pairs / clock, pairs / processor, pairs / whole)
+    return Speed(scene, asked, pairs, sum(map(len, answers)) / pairs, pairs / clock, pairs / processor, pairs / whole)
 
 
 def speeds(count: int) -> list[Speed]:
-    """How fast pairs are answered in three media."""
+    """How fast pairs are answered: first where rays are closed forms, then by the range function."""
     fish_eye = optics.Scene(optics.fish_eye())
+    rod = optics.Scene(optics.Stratified(lambda y: 1.5 * ca.sqrt(1 - y**2 / 4)))
+    centre = optics.Scene(optics.Radial(lambda r: ca.sqrt(2.25 - r**2 / 2)))
+    saddle = optics.Scene(optics.Graded(lambda x, y: ca.sqrt(2 + 0.3 * x * y)))
+    square = (-1.0, -1.0), (1.0, 1.0)
     return [
         *speeds_in("n² = 1 - 2y", linear_scene(), (-0.9, -1.0), (0.9, 0.05), None, count),
-        *speeds_in("fish-eye", fish_eye, (-1.0, -1.0), (1.0, 1.0), 6.0, count),
+        *speeds_in("rod, n² = 2.25 - 9y²/16", rod, *square, None, count),
+        *speeds_in("n² = 2.25 - r²/2", centre, *square, None, count),
+        *speeds_in("saddle, n² = 2 + 0.3xy", saddle, *square, None, count),
+        *speeds_in("fish-eye", fish_eye, *square, 6.0, count),
         *speeds_in("Munk's channel", optics.Scene(optics.munk_profile()), (2e4, -4000.0), (1e5, -100.0), None, count),
     ]
 
@@ -80,7 +90,8 @@ def main(receivers: int) -> None:
     for one in rates:
         print(
             f"{one.scene}, {one.asked}: {one.per_second:.0f} pairs a second, {one.per_processor_second:.0f} for each "
-            f"second of a processor, {one.with_spreading:.0f} with the spreading ({one.pairs} pairs)"
+            f"second of a processor, {one.with_spreading:.0f} with the spreading ({one.pairs} pairs, "
+            f"{one.rays:.1f} rays each)"
         )
     RECORDS.write_text(json.dumps([asdict(one) for one in rates], indent=1) + "\n")
 

@@ -100,16 +100,16 @@ def edges(
 
 def bracketed_newton(
     function: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], low: np.ndarray, high: np.ndarray, at: np.ndarray,
-    *, relative: float = 0.0, absolute: float = 0.0, flat: np.ndarray | float = 0.0,
+    *, relative: float = 0.0, absolute: float = 0.0, flat: np.ndarray | float = 0.0, most: int = NEWTON_STEPS,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Roots between ``low``, where the function is positive, and ``high``, by Newton's steps kept inside the brackets.
 
     ``function`` takes places, in the shape of ``at``, where it begins, to values and derivatives. A step is the last
-    where it is within ``relative`` of the place and ``absolute``, or starts from a value within ``flat``. Returns the
-    places, and the last step of each; NaN stays what it is.
+    where it is within ``relative`` of the place and ``absolute``, or starts from a value within ``flat``; ``most`` are
+    taken. Returns the places, and the last step of each; NaN stays what it is.
     """
     moved = np.full(np.shape(at), np.inf)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(most):
         value, rate = function(at)
         low, high = np.where(value > 0, at, low), np.where(value > 0, high, at)
         with np.errstate(all="ignore"):

@@ -32,7 +32,7 @@ from varcalc.optics.models.range_function import RangeFunction
 from varcalc.optics.propagation.sequential import CompiledScene, Propagator
 from varcalc.optics.rays.beam import Beam, RayStatus, Rows, launched, spreading
 from varcalc.optics.rays.leg import Leg
-from varcalc.optics.rays.ray import SHADOW, OfRow, Ray, Rays, no_rays
+from varcalc.optics.rays.ray import SHADOW, FoundTogether, Ray, Rays, no_rays
 from varcalc.optics.surfaces import Sphere
 from varcalc.optics.validation import matched, numbers, rows
 from varcalc.progress import Interrupted, Progress, Stage, telling
@@ -99,23 +99,12 @@ class _ToldRays:
     def rays(self) -> list[Ray]:
         """One object each."""
         known, full = self.known, self.full
-        name, media, surfaces = full.name, full.media, full.surfaces
-        numbers_of = zip(known.paths.tolist(), known.errors.tolist(), known.counts.tolist(), strict=True)
-        return [
-            Ray(
-                optical_path=path,
-                error=error,
-                index=count,
-                degenerate=False,
-                tangents=(known.headings[k], known.arriving[k]),
-                model=name,
-                spread=OfRow(self._spread, k),
-                way=OfRow(self._followed, k),
-                media=media,
-                surfaces=surfaces,
-            )
-            for k, (path, error, count) in enumerate(numbers_of)
-        ]
+        none = np.zeros(len(known), dtype=bool)
+        together = FoundTogether(
+            known.counts, none, known.headings, known.arriving, full.name, self._spread, self._followed, full.media,
+            full.surfaces,
+        )  # fmt: skip
+        return together.rays(known.paths, known.errors)
 
     def _spread(self, k: int) -> float:
         """How one ray spreads."""
@@ -284,29 +273,19 @@ class TwoPoint:
         apart = np.linalg.norm(ends.targets - ends.sources, axis=1)
         known = np.fmin(ANGLE_ROUND_OFF * spread ** (1 / (d - 1)), KNOWN_ALIKE * apart)  # no better are headings told
         miss = np.maximum(np.linalg.norm(away, axis=1) - known, 0.0) / apart
-        name, rays = self.full.name, []
 
         def followed(k: int) -> Sequence[Leg]:
             return self.full.followed(beam.take(np.array([k])), float(path[k]))[0]
 
-        for k in range(len(beam)):
-            if not clear[k]:
-                rays.append((None, np.inf))
-                continue
-            ray = Ray(
-                optical_path=float(end.optical_path[k] + along[k]),
-                error=float(error[k]),
-                index=int(count[k]),
-                degenerate=bool(flat[k]),
-                tangents=(headings[k], end.momentum[k] / momentum[k]),
-                model=name,
-                spread=OfRow(spread.item, k),
-                way=OfRow(followed, k),
-                media=self.full.media,
-                surfaces=self.full.surfaces,
-            )
-            rays.append((ray, float(miss[k])))
-        return rays
+        together = FoundTogether(
+            count, flat, headings, end.momentum / momentum[:, None], self.full.name, spread.item, followed,
+            self.full.media, self.full.surfaces,
+        )  # fmt: skip
+        rays = together.rays(end.optical_path + along, error)
+        return [
+            (ray, off) if arrived else (None, np.inf)
+            for ray, off, arrived in zip(rays, miss.tolist(), clear.tolist(), strict=True)
+        ]
 
     def told(self, ends: PointPairs, known: Told, careful: np.ndarray, other: Callable[[], TwoPoint]) -> list[Ray]:
         """The rays of which all is known but how they spread.
@@ -467,11 +446,11 @@ class PairSearch:
         field_ = self.compiled.propagator(None, ends.shape[1]).fields[-1]
         index = field_.index(ends)
         real = (index > 0) & np.isfinite(index)
-        answers = [_unreachable(*own) for own in zip(ends, index, field_(ends)[0], strict=True)]
+        answers = [_not_begun()] * len(ends)
+        for row in np.flatnonzero(~real):
+            answers[row] = _unreachable(ends[row], float(index[row]), float(field_(ends[row : row + 1])[0][0]))
         order = np.lexsort(starts.T)
         order = order[real[order]]
-        for row in order:
-            answers[row] = _not_begun()
         with telling(progress, "arrivals") as told:
             stage = Stage(lambda done, what: told(done, len(order), what))
             with stage.stoppable():

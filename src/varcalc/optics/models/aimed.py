@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -109,7 +110,7 @@ class Aimed(Rows):
             return None
         # two routes to one number, in one stroke and along the ray; what went astray did so along it as well
         apart = ERROR_MARGIN * abs(ray.optical_path - self.paths[k])
-        return replace(ray, error=float(max(ray.error, floor, apart, max(off, READ) * self.paths[k])))
+        return ray.known_to(float(max(ray.error, floor, apart, max(off, READ) * self.paths[k])))
 
 
 def met(
@@ -120,16 +121,19 @@ def met(
     Those that are told well are not carried, and those that go astray when they are carried, far out or beside rays
     that rest, are told if it is known what their optical paths may be off.
     """
-    rays: list[list[Ray]] = [[] for _ in range(count)]
     well = told.well if told is not None and tell is not None else np.zeros(len(aimed), dtype=bool)
     others = np.flatnonzero(~well)
     carried = aimed.take(others).carried(carry, careful)
+    rays: list[list[Ray]] = [[] for _ in range(count)]
+    if told is not None and tell is not None:
+        missed = others[[ray is None for ray in carried]]
+        rows = np.append(np.flatnonzero(well), missed[np.isfinite(told.errors[missed])]).astype(int)
+        some = told.take(rows[np.lexsort((told.paths[rows], told.question[rows]))])
+        own, ends = tell(some), np.searchsorted(some.question, np.arange(count + 1))
+        rays = [own[first:last] for first, last in pairwise(ends.tolist())]
     for question, ray in zip(aimed.question[others], carried, strict=True):
         if ray is not None:
             rays[question].append(ray)
-    if told is not None and tell is not None:
-        missed = others[[ray is None for ray in carried]]
-        some = told.take(np.append(np.flatnonzero(well), missed[np.isfinite(told.errors[missed])]).astype(int))
-        for question, ray in zip(some.question, tell(some), strict=True):
-            rays[question].append(ray)
-    return [sorted(own, key=lambda ray: ray.optical_path) for own in rays]
+    for question in np.unique(aimed.question[others]):
+        rays[question].sort(key=lambda ray: ray.optical_path)
+    return rays

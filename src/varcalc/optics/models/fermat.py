@@ -235,7 +235,7 @@ def _confirmed(question: Question, ray: Ray) -> Ray | None:
     found = _solved(question, _along(question, ray), Ritz() if ray.index == 0 else Collocation())
     if found is None or abs(found.optical_path - ray.optical_path) > ERRORS_APART * (found.error + ray.error):
         return None
-    return replace(ray, optical_path=found.optical_path, error=found.error, model=NAME)
+    return _named(ray, found.optical_path, found.error)
 
 
 def _shortest(question: Question, found: _Stationary, known: list[Ray]) -> Ray | None:
@@ -245,4 +245,9 @@ def _shortest(question: Question, found: _Stationary, known: list[Ray]) -> Ray |
     [(ray, _)] = question.built(found.heading[None], np.array([found.optical_path]), np.zeros(1, dtype=bool))
     if ray is None or ray.error > NO_RAY * ray.optical_path:  # it meets surfaces in another order
         return None
-    return replace(ray, optical_path=found.optical_path, error=max(found.error, ray.error), model=NAME)
+    return _named(ray, found.optical_path, max(found.error, ray.error))
+
+
+def _named(ray: Ray, optical_path: float, error: float) -> Ray:
+    """``ray`` with an optical path that this model found."""
+    return replace(ray, optical_path=optical_path, error=error, together=replace(ray.together, model=NAME))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -27,8 +27,6 @@ SAME_CURVATURE = 16 * EPSILON
 """Of the largest: principal curvatures that differ by less are the same, or none."""
 NO_COORDINATE = 8 * EPSILON
 """Of the distance of two points and of where they are: what is less is zero."""
-TOGETHER = 128
-"""Pairs searched together; bounds the memory."""
 SUMMED_ROUND_OFF = 64 * EPSILON
 """Of what is summed in an optical path."""
 
@@ -65,25 +63,6 @@ class QuadraticIndex:
         tell: Tell | None = None,
     ) -> list[Rays]:  # fmt: skip
         """The rays from each point ``a`` (q, d) to ``b`` (q, d) up to an optical path ``within`` (q,)."""
-        answers: list[Rays] = []
-        for first in range(0, len(a), TOGETHER):
-            part = slice(first, first + TOGETHER)
-
-            def carried_there(
-                question: np.ndarray, headings: np.ndarray, paths: np.ndarray, touching: np.ndarray,
-                counts: np.ndarray, first: int = first,
-            ) -> list[tuple[Ray | None, float]]:  # fmt: skip
-                """Carry rays, whose questions are counted from the first of this part."""
-                return carry(question + first, headings, paths, touching, counts)
-
-            def told_there(told: Told, first: int = first) -> list[Ray]:
-                return tell(replace(told, question=told.question + first)) if tell else []
-
-            answers += self._rays(a[part], b[part], within[part], carried_there, told_there if tell else None)
-        return answers
-
-    def _rays(self, a: np.ndarray, b: np.ndarray, within: np.ndarray, carry: Carry, tell: Tell | None) -> list[Rays]:
-        """The same for some of the pairs."""
         asked = self._asked(a, b)
         search = ZeroSearch(asked, self.curvature, within)
         zeros, given_up = search.found()
@@ -100,7 +79,8 @@ class QuadraticIndex:
         way, pull = (b - a) @ self.axes, middle[:, 1:] @ self.axes
         room = NO_COORDINATE * (np.linalg.norm(a, axis=1) + np.linalg.norm(b, axis=1))[:, None]
         way[np.abs(way) <= room] = 0.0
-        pull[np.abs(pull) <= room * np.abs(self.curvature).max() + NO_COORDINATE * np.abs(at[:, 1:]).max()] = 0.0
+        slope = np.abs(at[:, 1:]).max(axis=1, keepdims=True)
+        pull[np.abs(pull) <= room * np.abs(self.curvature).max() + NO_COORDINATE * slope] = 0.0
         return Questions(way, pull, at[:, 1:] @ self.axes, middle[:, 0], at[:, 0])
 
     def _courses(self, search: ZeroSearch, zeros: Zeros) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

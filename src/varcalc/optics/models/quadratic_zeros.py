@@ -15,6 +15,7 @@ extremum: no ray can be passed over.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,12 +27,18 @@ TOUCHES_ZERO = 4e-13
 """Of n²: an extremum of G so close to zero is one ray, which touches a caustic."""
 MOST_SPANS = 4000
 """Spans between conjugate points of one pair; of a pair that has more the last ones are given up."""
+SPANS_TOGETHER = 8192
+"""Searched together; bounds the memory."""
 FARTHER_AND_FARTHER = 60
 """Of σ, until what is beyond is known to hold no zero."""
 HALVED_SPANS = 60
 """How often a span is halved in which G is neither monotone nor bent one way."""
 LARGEST_ANGLE = 300.0
 """cosh of more is all but too large for a number."""
+FEW_STEPS, MOST_STEPS = 6, 100
+"""Newton's, of all zeros together, and of those that are left."""
+LAST_STEP = 2 * EPSILON
+"""Of a zero."""
 OVERLAP = 0.6
 """Of what is between two marks: searched from either, so that no zero is at the end of both searches."""
 SAME_ZERO = 1e-10
@@ -92,12 +99,11 @@ class Terms:
 
     def summed(self, of: Questions, order: int) -> np.ndarray:
         """G or its derivative of an ``order`` (k,); infinite at conjugate points, unless they do not count."""
-        with np.errstate(all="ignore"):
-            parts = [
-                np.where(weight == 0, 0.0, weight**2 * np.nan_to_num(term[order], nan=np.inf))
-                for weight, term in ((of.way, self.first), (of.pull, self.second))
-            ]
-            return (parts[0] + parts[1]).sum(axis=1) - (of.middle if order == 0 else 0.0)
+        return self.squares(of, order) - (of.middle if order == 0 else 0.0)
+
+    def squares(self, of: Questions, order: int) -> np.ndarray:
+        """The sum of squares in G, or its derivative of an ``order`` (k,)."""
+        return _summed(of.way, self.first[order]) + _summed(of.pull, self.second[order])
 
 
 @dataclass
@@ -124,8 +130,13 @@ class ZeroSearch:
 
     def found(self) -> tuple[Zeros, np.ndarray]:
         """The zeros, and of which pairs (q,) these are not all."""
-        spans, given_up = self._spans()
-        return Zeros.joined([self._distinct(self._zeros(spans)), self._foci(spans)]), given_up
+        number, given_up = self._numbers()
+        group = np.cumsum(number) // SPANS_TOGETHER
+        parts = []
+        for pairs in np.split(np.arange(len(number)), 1 + np.flatnonzero(np.diff(group))):
+            spans = self._spans(pairs, number[pairs])
+            parts += [self._distinct(self._zeros(spans)), self._foci(spans)]
+        return Zeros.joined(parts), given_up
 
     def sigma(self, zeros: Zeros) -> np.ndarray:
         """σ (k,) of the ``zeros``."""
@@ -171,20 +182,22 @@ class ZeroSearch:
             upper = ((some.way**2 * here.first[0]) + limit)[:, flat].sum(axis=1)
         return (lower > some.middle) | (np.all(flat) & (upper < some.middle))
 
-    def _spans(self) -> tuple[Spans, np.ndarray]:
-        """What is to be searched, between conjugate points of fixed σ, and for which pairs (q,) it is not all."""
-        last, marks = self._bounds, self.marks
+    def _numbers(self) -> tuple[np.ndarray, np.ndarray]:
+        """How many spans between conjugate points of fixed σ each pair has (q,), and of which (q,) they are not all."""
         if not np.any(self._turning):
-            pairs = np.flatnonzero(last > 0)
-            origin = np.zeros(len(pairs), dtype=int)
-            return Spans(pairs, origin, np.zeros(len(pairs)), last[pairs]), np.zeros(len(last), dtype=int)
-        number = np.minimum(np.searchsorted(marks, last), min(len(marks) - 1, MOST_SPANS))
-        given_up = (marks[number] < last).astype(int)
-        pairs = np.repeat(np.arange(len(last)), number)
-        origin = np.arange(len(pairs)) - np.repeat(np.cumsum(number) - number, number)
-        half = OVERLAP * (marks[origin + 1] - marks[origin])
-        nothing = np.zeros(len(pairs))
-        return Spans.joined([Spans(pairs, origin, nothing, half), Spans(pairs, origin + 1, -half, -nothing)]), given_up
+            return (self._bounds > 0).astype(int), np.zeros(len(self._bounds), dtype=int)
+        number = np.minimum(np.searchsorted(self.marks, self._bounds), min(len(self.marks) - 1, MOST_SPANS))
+        return number, (self.marks[number] < self._bounds).astype(int)
+
+    def _spans(self, pairs: np.ndarray, number: np.ndarray) -> Spans:
+        """What is to be searched for ``pairs`` with ``number`` (k,) spans between conjugate points of fixed σ."""
+        question = np.repeat(pairs, number)
+        origin = np.arange(len(question)) - np.repeat(np.cumsum(number) - number, number)
+        nothing = np.zeros(len(question))
+        if not np.any(self._turning):
+            return Spans(question, origin, nothing, self._bounds[question])
+        half = OVERLAP * (self.marks[origin + 1] - self.marks[origin])
+        return Spans.joined([Spans(question, origin, nothing, half), Spans(question, origin + 1, -half, -nothing)])
 
     def _terms(self, origin: np.ndarray, offset: np.ndarray) -> Terms:
         """See :class:`Terms`, at ``offset`` (k,) from the ``marks`` number ``origin`` (k,)."""
@@ -295,15 +308,43 @@ class ZeroSearch:
         return Spans.joined([whole, *parts]), zeros
 
     def _solved(self, spans: Spans, sign: np.ndarray, order: int) -> np.ndarray:
-        """Where (k,) the derivative of an ``order`` of G vanishes, whose ``sign`` (k,) is that at the lower ends."""
+        """Where (k,) G or its derivative, by ``order``, vanishes, whose ``sign`` (k,) is that at the lower ends.
 
-        def signed(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            terms, of = self._terms(spans.origin, at), self.asked.take(spans.question)
-            return sign * terms.summed(of, order), sign * terms.summed(of, order + 1)
+        Those that a few steps lead there are done; the others, which are halved again and again, go on alone.
+        """
+        at, rows = (spans.low + spans.high) / 2, np.arange(len(spans))
+        for most in (FEW_STEPS, MOST_STEPS):
+            if len(rows) == 0:
+                break
+            some = spans.take(rows)
+            level = self._levelled(some, sign[rows], order)
+            at[rows], moved = bracketed_newton(level, some.low, some.high, at[rows], relative=LAST_STEP, most=most)
+            rows = rows[moved > LAST_STEP * np.abs(at[rows])]
+        return at
 
-        if len(spans) == 0:
-            return np.zeros(0)
-        return bracketed_newton(signed, spans.low, spans.high, (spans.low + spans.high) / 2, relative=2 * EPSILON)[0]
+    def _levelled(
+        self, spans: Spans, sign: np.ndarray, order: int
+    ) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+        """What falls through zero in the ``spans`` where G does or its derivative, by ``order``, times ``sign`` (k,).
+
+        Of the squares Q in G it is 1 - n/√Q, or its derivative: beside conjugate points these are straight lines, on
+        which Newton's steps end at once, where G itself goes as the inverse square.
+        """
+        of = self.asked.take(spans.question)
+        index = np.sqrt(of.middle)
+
+        def level(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            terms = self._terms(spans.origin, at)
+            squares, slope = terms.squares(of, 0), terms.squares(of, 1)
+            with np.errstate(all="ignore"):
+                root = np.sqrt(squares)
+                rate = index / 2 * slope / (squares * root)
+                if order == 0:
+                    value = np.where(np.isfinite(squares), (squares - of.middle) / (root * (root + index)), 1.0)
+                    return sign * value, sign * rate
+                return sign * rate, sign * (index / 2 * terms.squares(of, 2) / root - 1.5 * rate * slope) / squares
+
+        return level
 
     def _crossed(self, spans: Spans) -> Zeros:
         """The zeros of G in ``spans`` in which it is monotone."""
@@ -315,7 +356,8 @@ class ZeroSearch:
 
     def _foci(self, spans: Spans) -> Zeros:
         """Conjugate points at which rays of all momenta in some principal directions come together, at b itself."""
-        pairs, origin = np.unique(np.stack([spans.question, spans.origin]), axis=1)
+        number = np.unique(spans.question * len(self.marks) + spans.origin)
+        pairs, origin = number // len(self.marks), number % len(self.marks)
         pairs, origin = pairs[origin > 0], origin[origin > 0]
         here, odd = self.conjugate(origin)
         of = self.asked.take(pairs)
@@ -341,15 +383,23 @@ class ZeroSearch:
         return np.where(here, exact, number).sum(axis=1).astype(int) + (slope > 0)
 
 
+def _summed(weight: np.ndarray, term: np.ndarray) -> np.ndarray:
+    """The sum (k,) of a ``term`` (k, d) times the square of its ``weight`` (k, d), without it where that is zero."""
+    with np.errstate(all="ignore"):
+        if not np.all(np.isfinite(term)):
+            term = np.where(weight == 0, 0.0, np.nan_to_num(term, nan=np.inf))
+        return np.einsum("kd,kd,kd->k", weight, weight, term)
+
+
 def half_angle(rate: float, marks: np.ndarray, origin: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The sine and cosine (k,) of wσ/2, which next to its own conjugate points are told from these."""
-    angle = rate * marks[origin] / 2
+    angle = rate * marks / 2
     number = np.round(angle / (np.pi / 2))
     rest = angle - number * (np.pi / 2)
-    beside = rate * offset / 2
-    rest = np.where(np.abs(rest) <= 8 * EPSILON * (1 + angle), beside, rest + beside)  # which keeps the sign of -0
-    sine, cosine = np.sin(rest), np.cos(rest)
-    odd = number % 2 == 1
+    # nothing is added to what is beside its own: so the sign of -0 is kept
+    rest, own = np.where(np.abs(rest) <= 8 * EPSILON * (1 + angle), -0.0, rest)[origin], rate * offset / 2
+    sine, cosine = np.sin(rest + own), np.cos(rest + own)
+    odd = (number % 2 == 1)[origin]
     return np.where(odd, cosine, sine), np.where(odd, -sine, cosine)
 
 

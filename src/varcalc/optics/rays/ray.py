@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, overload
 
@@ -30,19 +30,43 @@ SPEED_OF_LIGHT = 299_792_458.0
 """In vacuum, in metres a second (SI)."""
 
 
-@dataclass(slots=True)
-class OfRow:
-    """What is ``asked`` of one ``row`` of what many rays share, once it is called.
+@dataclass(frozen=True)
+class FoundTogether:
+    """What k rays that were found together share, and what is known of each: a row.
 
-    It is one object for the garbage collector, which looks at all there are again and again while rays are made.
+    ``counts`` (k,) are numbers of conjugate points, ``degenerate`` (k,) says which rays end at one, and ``leaving`` and
+    ``arriving`` (k, d) are unit vectors along them at A and at B. How a ray spreads and its way are asked of its row.
     """
 
-    asked: Callable[[int], Any]
-    row: int
+    counts: np.ndarray
+    degenerate: np.ndarray
+    leaving: np.ndarray
+    arriving: np.ndarray
+    model: str
+    spread: Callable[[int], float]
+    way: Callable[[int], Sequence[Leg]]
+    media: Sequence[Medium] = ()
+    surfaces: Sequence[Surface] = ()
+    axes: tuple[Axis, ...] = ()
 
-    def __call__(self) -> Any:
-        """The answer."""
-        return self.asked(self.row)
+    def rays(self, paths: np.ndarray, errors: np.ndarray) -> list[Ray]:
+        """The rays, whose optical ``paths`` (k,) are known to within ``errors`` (k,)."""
+        return [
+            Ray(path, error, self, row)
+            for row, (path, error) in enumerate(zip(paths.tolist(), errors.tolist(), strict=True))
+        ]
+
+    def alone(self, row: int, spreading: float, legs: Sequence[Leg]) -> FoundTogether:
+        """The same of one ray, of which all has been asked."""
+        one = [row]
+        return replace(
+            self, counts=self.counts[one], degenerate=self.degenerate[one], leaving=self.leaving[one],
+            arriving=self.arriving[one], spread=partial(_known, spreading), way=partial(_known, tuple(legs)),
+        )  # fmt: skip
+
+
+def _known(answer: Any, row: int) -> Any:
+    return answer
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -72,16 +96,48 @@ class Ray(Plotted):
 
     optical_path: float
     error: float
-    index: int
-    degenerate: bool
-    tangents: tuple[np.ndarray, np.ndarray]
-    model: str
-    spread: Callable[[], float] = field(repr=False)
-    way: Callable[[], Sequence[Leg]] = field(repr=False)
-    media: Sequence[Medium] = field(repr=False, default=())
-    surfaces: Sequence[Surface] = field(repr=False, default=())
-    axes: tuple[Axis, ...] = field(repr=False, default=())
-    """Names and units of the coordinates, where the scene declares them."""
+    together: FoundTogether = field(repr=False)
+    """What it shares with the rays that were found with it: millions of rays are small objects."""
+    row: int = field(repr=False)
+
+    def known_to(self, error: float) -> Ray:
+        """The same ray, whose optical path is known to within ``error``."""
+        return Ray(self.optical_path, error, self.together, self.row)
+
+    @property
+    def index(self) -> int:
+        """See above."""
+        return int(self.together.counts[self.row])
+
+    @property
+    def degenerate(self) -> bool:
+        """See above."""
+        return bool(self.together.degenerate[self.row])
+
+    @property
+    def tangents(self) -> tuple[np.ndarray, np.ndarray]:
+        """See above."""
+        return self.together.leaving[self.row], self.together.arriving[self.row]
+
+    @property
+    def model(self) -> str:
+        """See above."""
+        return self.together.model
+
+    @property
+    def media(self) -> Sequence[Medium]:
+        """The media that the ray goes through, in order."""
+        return self.together.media
+
+    @property
+    def surfaces(self) -> Sequence[Surface]:
+        """The surfaces that it meets, in order."""
+        return self.together.surfaces
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """Names and units of the coordinates, where the scene declares them."""
+        return self.together.axes
 
     def _headline(self) -> str:
         return f"A ray in {'the plane' if len(self.tangents[0]) == 2 else 'space'}"
@@ -98,13 +154,13 @@ class Ray(Plotted):
         return ", and one at its end: it ends on a caustic" if self.degenerate else ""
 
     def __getstate__(self) -> dict[str, Any]:
-        own = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {**own, "spread": partial(float, self.spreading), "way": partial(tuple, self.legs)}
+        alone = self.together.alone(self.row, self.spreading, self.legs)
+        return {"optical_path": self.optical_path, "error": self.error, "together": alone, "row": 0}
 
     @cached_property
     def spreading(self) -> float:
         """See above."""
-        return self.spread()
+        return self.together.spread(self.row)
 
     @cached_property
     def legs(self) -> Sequence[Leg]:
@@ -113,7 +169,7 @@ class Ray(Plotted):
         There is none where no direction, to round-off, leads along the ray: it all but rests along a layer, or its
         neighbours grow apart too fast.
         """
-        return self.way()
+        return self.together.way(self.row)
 
     def _followed(self) -> Sequence[Leg]:
         """The same; ArithmeticError where there is none."""
@@ -238,7 +294,7 @@ class Rays(Plotted, Sequence[Ray]):
     def along(self, axes: tuple[Axis, ...]) -> Rays:
         """The same rays in a scene with such axes, whose unit the lengths of what was searched have too."""
         unit = unit_of_length(axes)
-        found = tuple(replace(ray, axes=axes) for ray in self.found)
+        found = tuple(replace(ray, together=replace(ray.together, axes=axes)) for ray in self.found)
         searched = SEARCHED_LENGTH.sub(lambda length: measured(length[0], unit), self.searched)
         reason = self.reason.replace(self.searched, searched)
         return replace(self, found=found, reason=reason, searched=searched, axes=axes)
