@@ -2,6 +2,7 @@
 
 import io
 import sys
+import time
 
 import casadi as ca
 import numpy as np
@@ -94,6 +95,26 @@ def test_a_terminal_sees_a_bar_after_a_second_and_none_before(monkeypatch):
     assert "early" not in sys.stderr.getvalue()
 
 
+def test_a_terminal_sees_a_bar_of_a_call_that_tells_once_and_then_is_long(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setattr("varcalc.progress.SECONDS_WITHOUT_BAR", 0.01)
+    with telling(None, "the call") as told:
+        told(0, None, "the long part")
+        given_up = time.monotonic() + 60
+        while "the long part" not in sys.stderr.getvalue() and time.monotonic() < given_up:
+            time.sleep(0.01)
+    assert "the long part" in sys.stderr.getvalue()
+
+
+def test_no_bar_comes_after_the_call(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setattr("varcalc.progress.SECONDS_WITHOUT_BAR", 0.2)
+    with telling(None, "the call") as told:
+        told(0, None, "a short part")
+    time.sleep(0.4)
+    assert sys.stderr.getvalue() == ""
+
+
 def test_a_notebook_shows_a_bar_of_its_own(monkeypatch):
     display = pytest.importorskip("IPython.display", reason="notebooks come with IPython")
     shown = []
@@ -144,6 +165,18 @@ def test_a_solve_that_is_stopped_leaves_the_curve_being_examined():
     with pytest.raises(vc.Interrupted) as stopped:
         vc.solve(SPRING, progress=stop)
     assert stopped.value.known.value == pytest.approx(1 / np.tanh(1.0), abs=1e-12)
+
+
+def test_a_solve_that_is_stopped_before_there_is_a_curve_says_so():
+    def stop(_done, _total, what):
+        if what == "curves with corners":
+            raise KeyboardInterrupt
+
+    wells = vc.Problem(lambda x, y, v: (v**2 - 1) ** 2 + ca.fabs(y), vc.Fixed(0, 0), vc.Fixed(1, 0.3))
+    with pytest.raises(vc.Interrupted) as stopped:
+        vc.solve(wells, progress=stop)
+    assert stopped.value.known.status is vc.Status.NOT_CONVERGED
+    assert stopped.value.known.message == "stopped before a curve was found"
 
 
 class AtPiece(list):

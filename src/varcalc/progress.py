@@ -54,16 +54,24 @@ class Telling:
         self._from = time.perf_counter() + (0.0 if progress is True else SECONDS_WITHOUT_BAR) if shown else float("inf")
         self._title = title
         self._bar: _Bar | None = None
+        self._closed = False
+        self._late: threading.Timer | None = None
+        self._last: tuple[int, int | None, str] = 0, None, ""
+        self._one_at_a_time = threading.Lock()
 
     def __call__(self, done: int, total: int | None, what: str = "") -> None:
         """Tell that ``done`` steps of ``total`` lie behind, and that ``what`` comes next."""
         if self._function is not None:
             self._function(done, total, what)
             return
-        now = time.perf_counter()
+        now, self._last = time.perf_counter(), (done, total, what)
         if now >= self._from or (self._bar is not None and done == total):
             self._from = now + SECONDS_BETWEEN
-            self._show(done, total, what)
+            self._show()
+        elif self._late is None and self._from < float("inf"):  # what is about to begin may take long, and tell nothing
+            self._late = threading.Timer(self._from - now, self._show)
+            self._late.daemon = True
+            self._late.start()
 
     def over(self, steps: Iterable[T], what: Callable[[T], str] = lambda _: "") -> Iterator[T]:
         """``steps`` one after the other, each told before it is given; ``what`` says what one is."""
@@ -75,15 +83,24 @@ class Telling:
 
     def close(self) -> None:
         """Take the bar away."""
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
+        with self._one_at_a_time:
+            self._closed = True
+            if self._late is not None:
+                self._late.cancel()
+            if self._bar is not None:
+                self._bar.stop()
+                self._bar = None
 
-    def _show(self, done: int, total: int | None, what: str) -> None:
-        if self._bar is None:
-            self._bar = _InNotebook(self._title) if _in_notebook() else _OnTerminal(self._title)
-        count = f"{done} of {total}" if total else ""
-        self._bar.show(done, total, ", ".join(filter(None, (count, what))))
+    def _show(self) -> None:
+        """Show what was told last."""
+        with self._one_at_a_time:
+            if self._closed:
+                return
+            if self._bar is None:
+                self._bar = _InNotebook(self._title) if _in_notebook() else _OnTerminal(self._title)
+            done, total, what = self._last
+            count = f"{done} of {total}" if total else ""
+            self._bar.show(done, total, ", ".join(filter(None, (count, what))))
 
 
 class Stage:

@@ -101,8 +101,8 @@ def solve(
     ``tol`` bounds the error of the value relative to max(1, abs(value)).
     ``guess`` is a function of x (of t for a Curve) or an earlier Solution.
     Without ``method`` the cheapest route that meets the tolerance is taken.
-    ``progress`` is as :data:`varcalc.progress.Progress` says; Ctrl-C while a curve is being examined raises
-    :class:`varcalc.Interrupted`, which holds it.
+    ``progress`` is as :data:`varcalc.progress.Progress` says; Ctrl-C raises :class:`varcalc.Interrupted`, which holds
+    the curve that was being examined, or a Solution that says that there was none yet.
 
     Raises VariationalError, with the status, the verdict and what was found,
     when there is no answer that stands; with ``throw=False`` the Solution is
@@ -122,7 +122,13 @@ def solve(
         return known
     check_guess(problem, guess)
     with telling(progress, problem.name) as told:
-        solution = _found(problem, method, tol, guess, partial(told, 0, None))
+        try:
+            solution = _found(problem, method, tol, guess, partial(told, 0, None))
+        except Interrupted:
+            raise
+        except KeyboardInterrupt as stop:
+            nothing = no_answer(problem, method or LADDER[0], Status.NOT_CONVERGED, "stopped before a curve was found")
+            raise Interrupted(nothing) from stop
     if throw and not solution.status.ok:
         raise (InfeasibleError if solution.verdict is Verdict.INFEASIBLE else VariationalError)(solution)
     return solution
@@ -130,15 +136,19 @@ def solve(
 
 def _found(problem: Functional, method: Method | None, tol: float, guess: Guess, told: Told) -> Solution:
     """The answer of a method or of the ladder, examined; a status that says why where there is none."""
+    told("whether there is an answer")
     solution = _hopeless(problem, method or LADDER[0]) or _without_room(problem, method or LADDER[0])
     if solution is not None and solution.verdict is Verdict.INFEASIBLE:
         return solution
     solution = solution or _with_ends_given(problem, method, tol, guess, told)
     if solution is None and guess is None and breakable(problem):
+        told("curves with corners")
         solution = _with_corners(problem, method or LADDER[0], tol)
         if solution is None and method is None:
             solution = _clear_of_switches(problem, tol)
-    solution = solution or _broken(problem, method or LADDER[0], tol, guess)
+    if solution is None and breakable(problem):
+        told("curves that break at what switches")
+        solution = _broken(problem, method or LADDER[0], tol, guess)
     smooth = solution is None
     if solution is None:
         solution = _climbed(problem, tol, guess, told) if method is None else _attempt(problem, method, tol, guess)
