@@ -8,7 +8,6 @@ adds is told at points.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -36,8 +35,10 @@ WAY_COUNTED = 0.9
 """Share that is counted of what the way there and back adds: a straight one is not the best."""
 PIECES_OF_TURN, PIECES_OF_VALLEY = 64, 1024
 """The same of the polygons that are handed out, on the way and in the valley."""
-LEAST_WAY, MOST_OF_WAY, WAY_FOUND = 1e-5, 0.9, 1e-2
-"""Shares among which those of the best ways are looked for, and how nearly the logarithm of each is found."""
+LEAST_WAY, MOST_OF_WAY = 1e-5, 0.9
+"""Shares among which those of the best ways are looked for."""
+WAYS_TRIED, TIMES_CLOSER = 16, 3
+"""Shares that are tried at a time, and how often between closer ones: the logarithm of the best is found to 0.01."""
 MESH_OF_VALLEY, FINER, CLOSEST_TO_TURN = 9, 8.0, 10
 """Points of the mesh for curves there, and by what factor it is finer, and how often, toward a turn."""
 FIRST_LINES = {1: 8, 2: 4, 3: 2}
@@ -77,9 +78,11 @@ class NarrowValleys:
         self.summed, self.own_value = (float(v.mean()) * self._length for v in (np.abs(own), own))
         self._own = np.minimum(own, own.mean())
         ways = 1 if sum(self.landscape.held) == 1 and not self.landscape.waypoints else 2
-        self._shares = tuple(share / ways for share in SHARES_OF_WAYS)
         self._bounds_of_share = math.log(LEAST_WAY), math.log(MOST_OF_WAY / ways)
-        self._ways = [self._way(share) for share in self._shares]
+        ends = [(x, way) for x, way, kept in zip(departures.span, (1, -1), self._held(), strict=True) if kept]
+        kept = [*ends, *((x, way) for x in self.landscape.waypoints for way in (-1, 1))]
+        self._kept, self._way_on = np.array(kept, dtype=float).reshape(-1, 2).T
+        self._ways = [self._way(share / ways) for share in SHARES_OF_WAYS]
         self._known = [self.landscape.values(x, *np.zeros((2, len(x), len(self._axes)))) for x, *_ in self._ways]
 
     def distinct(self) -> list[Valley]:
@@ -131,45 +134,61 @@ class NarrowValleys:
         return lambda x: through(np.clip(x, lines[0] - beside, lines[-1] + beside))
 
     def _valley(self, shifted: Sampled) -> Valley:
-        """The polygon that is ``shifted``, with the best way there and back."""
-        from scipy.optimize import minimize_scalar
+        """The polygon that is ``shifted``, with the best ways there and back."""
+        shares = self._best_shares(shifted)
+        x = self._abscissae(shares)
+        away, h = (shifted(x) * self._taper(x, shares)).T, np.diff(x)
+        middle, between = 0.5 * (x[1:] + x[:-1]), 0.5 * (away[1:] + away[:-1])
+        values = self.landscape.values(middle, between, np.diff(away, axis=0) / h[:, None])
+        known = self.landscape.values(middle, np.zeros_like(between), np.zeros_like(between))
+        higher = float(np.where(np.isfinite(values), values - known, np.inf) @ h)
+        return Valley(x, away, self.own_value + higher, False, self._marks(shares), size=float(np.abs(values) @ h))
 
-        def polygon(shares: list[float]) -> tuple[float, np.ndarray, np.ndarray, float]:
-            """By how much it is higher, its abscissae, its departures, and what it sums without signs."""
-            x = self._abscissae(shares)
-            away, h = (shifted(x) * self._taper(x, shares)).T, np.diff(x)
-            middle, between = 0.5 * (x[1:] + x[:-1]), 0.5 * (away[1:] + away[:-1])
-            values = self.landscape.values(middle, between, np.diff(away, axis=0) / h[:, None])
-            known = self.landscape.values(middle, np.zeros_like(between), np.zeros_like(between))
-            higher = float(np.where(np.isfinite(values), values - known, np.inf) @ h)
-            return higher, x, away, float(np.abs(values) @ h)
+    def _best_shares(self, shifted: Sampled) -> np.ndarray:
+        """How much of the interval each way there or back takes (t,) at its cheapest; the others change nothing."""
+        low, high = (np.full(len(self._kept), log) for log in self._bounds_of_share)
+        if len(low) == 0:  # where nothing is kept no way leads back
+            return low
+        best = low
+        for _ in range(TIMES_CLOSER):
+            logs, column = np.linspace(low, high, WAYS_TRIED), np.arange(len(low))
+            least = np.argmin(self._added(shifted, np.exp(logs)), axis=0)
+            best = logs[least, column]
+            low, high = logs[np.maximum(least - 1, 0), column], logs[np.minimum(least + 1, WAYS_TRIED - 1), column]
+        return np.exp(best)
 
-        shares = [min(self._shares, key=lambda share: polygon([share, share])[0])] * 2
-        for side in (0, 1):
-            trial = lambda log, side=side: polygon([*shares[:side], math.exp(log), *shares[side + 1 :]])[0]  # noqa: E731
-            options = {"xatol": WAY_FOUND}
-            shares[side] = math.exp(
-                minimize_scalar(trial, bounds=self._bounds_of_share, method="bounded", options=options).x
-            )
-        higher, x, away, size = polygon(shares)
-        return Valley(x, away, self.own_value + higher, False, self._marks(shares), size=size)
+    def _added(self, shifted: Sampled, shares: np.ndarray) -> np.ndarray:
+        """What ways there or back that take such ``shares`` (s, t) sum (s, t), less what the shift does there."""
+        part = np.linspace(0.0, 1.0, PIECES_OF_TURN + 1)[:, None, None]
+        x = self._kept + self._way_on * self._length * shares * part
+        whole = shifted(np.clip(x, *self._departures.span).ravel()).reshape(-1, *x.shape)
+        h, middle = np.diff(x, axis=0), 0.5 * (x[1:] + x[:-1])
 
-    def _abscissae(self, shares: Sequence[float]) -> np.ndarray:
-        """The vertices of a polygon that is shifted within ``shares`` of the interval beside what it keeps."""
+        def along(away: np.ndarray) -> np.ndarray:
+            rates, between = np.diff(away, axis=1) / h, 0.5 * (away[:, 1:] + away[:, :-1])
+            columns = (v.reshape(len(away), -1).T for v in (between, rates))
+            return self.landscape.values(middle.ravel(), *columns).reshape(middle.shape)
+
+        there, beyond = along(whole * part), along(whole)
+        more = np.where(np.isfinite(there), there - np.where(np.isfinite(beyond), beyond, 0.0), np.inf)
+        a, b = self._departures.span
+        return np.sum(np.abs(h) * more, axis=0, where=(a < middle) & (middle < b))
+
+    def _abscissae(self, shares: np.ndarray) -> np.ndarray:
+        """The vertices of a polygon that is shifted within ``shares`` (t,) of the interval beside what it keeps."""
         ways = [np.linspace(kept, turn, PIECES_OF_TURN + 1) for kept, turn in self._turns(shares)]
         x = np.concatenate([np.linspace(*self._departures.span, PIECES_OF_VALLEY + 1), *ways])
         return np.unique(np.clip(x, *self._departures.span))
 
-    def _turns(self, shares: Sequence[float]) -> list[tuple[float, float]]:
-        """The places that a shifted curve keeps, each with where it turns into the valley: the ends and waypoints."""
-        a, b = self._departures.span
-        held = [h or self.landscape.closed for h in self.landscape.held]
-        ends = ((a, a + shares[0] * self._length), (b, b - shares[1] * self._length))
-        beside = max(shares) * self._length
-        waypoints = [(x, x + way * beside) for x in self.landscape.waypoints for way in (-1, 1)]
-        return [*(end for end, kept in zip(ends, held, strict=True) if kept), *waypoints]
+    def _held(self) -> list[bool]:
+        """Whether a shifted curve keeps each end."""
+        return [held or self.landscape.closed for held in self.landscape.held]
 
-    def _marks(self, shares: Sequence[float]) -> tuple[float, ...]:
+    def _turns(self, shares: np.ndarray | float) -> list[tuple[float, float]]:
+        """The places that a shifted curve keeps, each with where it turns into the valley: the ends and waypoints."""
+        return list(zip(self._kept, self._kept + self._way_on * self._length * shares, strict=True))
+
+    def _marks(self, shares: np.ndarray) -> tuple[float, ...]:
         """The vertices of a mesh that is ever finer toward where the curve turns into the valley and out of it."""
         if isinstance(self._departures.problem, Curve):
             return ()
@@ -181,7 +200,7 @@ class NarrowValleys:
             found.add(turn)
         return tuple(sorted(x for x in found if a < x < b))
 
-    def _taper(self, x: np.ndarray, shares: Sequence[float]) -> np.ndarray:
+    def _taper(self, x: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """The share (m,) at x of a shift that is made beside the places that are kept."""
         rises = [np.abs(x - kept) / abs(turn - kept) for kept, turn in self._turns(shares)]
         return np.min([np.ones(len(x)), *rises], axis=0)
@@ -189,7 +208,7 @@ class NarrowValleys:
     def _way(self, share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         """Middles x (p,) of pieces of the way there and back, shares of a shift and their rates, a piece's length."""
         h, at = share * self._length / PIECES_OF_WAY, (np.arange(PIECES_OF_WAY) + 0.5) / PIECES_OF_WAY
-        turns = self._turns((share, share))
+        turns = self._turns(share)
         x = np.array([kept + at * (turn - kept) for kept, turn in turns]).ravel()
         rates = np.repeat([1 / (turn - kept) for kept, turn in turns], PIECES_OF_WAY)
         return x, np.tile(at, len(turns)), rates, h
