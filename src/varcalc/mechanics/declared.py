@@ -19,9 +19,8 @@ from varcalc.mechanics.lagrange import Lagrange, StateSymbols
 from varcalc.mechanics.legendre import Hamiltonian
 from varcalc.mechanics.motion import Event
 from varcalc.mechanics.symmetries import Symmetry, noether
-from varcalc.problem.conditions import Holonomic, reals, sequence, told
+from varcalc.problem.conditions import Holonomic, named, reals, sequence, told
 from varcalc.problem.conditions import text as text_of
-from varcalc.problem.functional import named
 from varcalc.problem.reading import equation_latex, equation_text, latex, text
 from varcalc.problem.reading.statement import LONGEST_LATEX
 from varcalc.showing import FACT_WIDTH, Fact, Shown, brief, counted, equations, line, listed

@@ -6,8 +6,9 @@ knows nothing of how a problem is solved.
 
 from __future__ import annotations
 
+import keyword
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -92,6 +93,26 @@ def finite(name: str, value: Any) -> float:
     if not math.isfinite(number):
         raise ValueError(f"{name} must be finite, not {told(value)}")
     return number
+
+
+def _example(given: Any) -> str:
+    """The name in an example of what names numbers: the first of those that were ``given``, where they are names."""
+    first = next(iter(given), None) if isinstance(given, Collection) else None
+    return first if isinstance(first, str) and first.isidentifier() else "g"
+
+
+def named(name: str, values: Mapping[str, float] | None) -> dict[str, float]:
+    """Parameters as people give them, copied; TypeError or ValueError naming ``name`` for what are none."""
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        raise TypeError(
+            f"{name} must be a mapping from names to numbers, not {values!r}; write {{{_example(values)!r}: 9.81}}"
+        )
+    for key in values:
+        if not (isinstance(key, str) and key.isidentifier()) or keyword.iskeyword(key) or key.startswith("__"):
+            raise ValueError(f"{name}: {key!r} is no name that p.<name> could have; choose another")
+    return {key: finite(f"{name}[{key!r}]", value) for key, value in values.items()}
 
 
 def positive(name: str, value: Any) -> float:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import copy
-import keyword
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import FunctionType
@@ -21,7 +20,7 @@ from varcalc.problem.conditions import (
     Isoperimetric,
     OfFunction,
     Through,
-    finite,
+    named,
     parameters_of,
     placed,
     sequence,
@@ -569,23 +568,3 @@ UNNAMED = "functional"
 def _own_name(lagrangian: Callable[..., Any]) -> str:
     name = getattr(lagrangian, "__name__", UNNAMED)
     return UNNAMED if name == "<lambda>" else name
-
-
-def _example(given: Any) -> str:
-    """The name in an example of what names numbers: the first of those that were ``given``, where they are names."""
-    first = next(iter(given), None) if isinstance(given, Collection) else None
-    return first if isinstance(first, str) and first.isidentifier() else "g"
-
-
-def named(name: str, values: Mapping[str, float] | None) -> dict[str, float]:
-    """Parameters as people give them, copied; TypeError or ValueError naming ``name`` for what are none."""
-    if values is None:
-        return {}
-    if not isinstance(values, Mapping):
-        raise TypeError(
-            f"{name} must be a mapping from names to numbers, not {values!r}; write {{{_example(values)!r}: 9.81}}"
-        )
-    for key in values:
-        if not (isinstance(key, str) and key.isidentifier()) or keyword.iskeyword(key) or key.startswith("__"):
-            raise ValueError(f"{name}: {key!r} is no name that p.<name> could have; choose another")
-    return {key: finite(f"{name}[{key!r}]", value) for key, value in values.items()}

@@ -18,8 +18,7 @@ from varcalc.mechanics.rigid.free import Cones, Polhode, SteadyRotation, cones, 
 from varcalc.mechanics.rigid.inertia import Inertia, Principal, TopKind, check_inertia, principal
 from varcalc.mechanics.rigid.motion import RigidMotion, with_unit_quaternions
 from varcalc.mechanics.rigid.rotations import EulerAngles, entries, normalised
-from varcalc.problem.conditions import reals, text, told
-from varcalc.problem.functional import named
+from varcalc.problem.conditions import named, reals, text, told
 from varcalc.progress import Interrupted, Progress
 from varcalc.showing import Fact, Shown, line, listed
 from varcalc.spelling import spelled

@@ -32,7 +32,7 @@ from varcalc.spelling import spelled
 
 END_SLOPES = (0.1, -0.1, 1.0, -1.0, 10.0, -10.0)
 """Slopes with which the integrand is looked at in an end."""
-MOST_STEPS = 1000
+MOST_STEPS_OF_SHOT = 1000
 """Steps after which a segment is too long, or runs into a singularity: it is cut."""
 COSTLY = 4.0
 """Digits lost in a segment that are worth a word about the number of segments."""
@@ -78,7 +78,7 @@ class Shooting(Brief):
             return no_answer(problem, self, Status.REFUSED, reason)
         equations = EulerLagrangeFlow(form)
         try:
-            engine = self.engine or default(most_steps=MOST_STEPS)
+            engine = self.engine or default(most_steps=MOST_STEPS_OF_SHOT)
             flow = compiled(problem, engine, equations.system.system)
         except CannotLower as refusal:
             return no_answer(problem, self, Status.REFUSED, str(refusal))
