@@ -40,7 +40,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 FURTHER_MEMBERS = Path(__file__).parent / "further_members.txt"
-"""Names tests with parameters that take a second or more, each with another one of the same function beside it."""
+"""Names tests with parameters that take 0.3 s or more, each with a quicker one of the same function beside it."""
 COLLECTED = pytest.StashKey[set[str]]()
 """The names of all tests of the files that were collected."""
 
