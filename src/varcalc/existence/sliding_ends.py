@@ -40,8 +40,11 @@ PLACE_FOUND, MOST_PLACES_TRIED = 1e-7, 12
 """Distance, in units of the interval, to which the best place is found, and places that are tried between two."""
 AS_A_PARABOLA = (0.25, 0.75)
 """Between which parts of a rate times the way the value changes on the way to where the rate is zero."""
-SLOPE_HELD_TO, PLACES_UP_TO_END, HALVINGS_TO_REST = 1e-7, 257, 40
-"""How nearly a slope is held, in units of slopes, places where that is seen, and times that what is between halves."""
+SLOPE_HELD_TO, PLACES_UP_TO_END, HALVINGS_TO_REST = 1e-2, 257, 40
+"""How nearly a slope is held, in units of slopes, places where that is seen, and times that what is between halves.
+
+It is told no better where a curve rests only nearly; a slope that is free so near to a kink obeys the same equation.
+"""
 PIECES_UP_TO_END, POINTS_UP_TO_END = 16, 12
 """Pieces of a stretch on which it is, and Gauss points on each, by which it is summed what presses it."""
 
@@ -157,7 +160,9 @@ class _Places:
             way = end.point - best.point
             whole = self._rate(end, way) * float(np.linalg.norm(way))
             gained = self.problem.sign * (end.solution.value - best.solution.value)
-            if end is not best and not AS_A_PARABOLA[0] * whole <= gained <= AS_A_PARABOLA[1] * whole:
+            doubt = end.solution.error.value + best.solution.error.value
+            least, most = (share * whole for share in AS_A_PARABOLA)
+            if end is not best and not least - doubt <= gained <= most + doubt:
                 return False
         return True
 
