@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sized
 from contextlib import contextmanager
+from functools import cache
 from types import FrameType
 from typing import Any, Protocol, TypeVar
 
@@ -54,8 +55,7 @@ class Telling:
         self._from = time.perf_counter() + (0.0 if progress is True else SECONDS_WITHOUT_BAR) if shown else float("inf")
         self._title = title
         self._bar: _Bar | None = None
-        self._closed = False
-        self._late: threading.Timer | None = None
+        self._closed = self._awaited = False
         self._last: tuple[int, int | None, str] = 0, None, ""
         self._one_at_a_time = threading.Lock()
 
@@ -68,10 +68,9 @@ class Telling:
         if now >= self._from or (self._bar is not None and done == total):
             self._from = now + SECONDS_BETWEEN
             self._show()
-        elif self._late is None and self._from < float("inf"):  # what is about to begin may take long, and tell nothing
-            self._late = threading.Timer(self._from - now, self._show)
-            self._late.daemon = True
-            self._late.start()
+        elif not self._awaited and self._from < float("inf"):  # what is about to begin may take long, and tell nothing
+            self._awaited = True
+            _late_bars().show_after(self._from - now, self._show)
 
     def over(self, steps: Iterable[T], what: Callable[[T], str] = lambda _: "") -> Iterator[T]:
         """``steps`` one after the other, each told before it is given; ``what`` says what one is."""
@@ -85,8 +84,8 @@ class Telling:
         """Take the bar away."""
         with self._one_at_a_time:
             self._closed = True
-            if self._late is not None:
-                self._late.cancel()
+            if self._awaited:
+                _late_bars().forget(self._show)
             if self._bar is not None:
                 self._bar.stop()
                 self._bar = None
@@ -101,6 +100,50 @@ class Telling:
             done, total, what = self._last
             count = f"{done} of {total}" if total else ""
             self._bar.show(done, total, ", ".join(filter(None, (count, what))))
+
+
+class _LateBars:
+    """Shows the bars of calls that tell of nothing when their time has come; its thread ends when no call is left."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[Callable[[], None], float] = {}
+        self._thread: threading.Thread | None = None
+        self._one_at_a_time = threading.Lock()
+
+    def show_after(self, seconds: float, show: Callable[[], None]) -> None:
+        """Call ``show`` when so many seconds have gone by."""
+        with self._one_at_a_time:
+            self._waiting[show] = time.monotonic() + seconds
+            if self._thread is None or not self._thread.is_alive():
+                self._thread = threading.Thread(target=self._wait, daemon=True)
+                self._thread.start()
+
+    def forget(self, show: Callable[[], None]) -> None:
+        """The call is over."""
+        with self._one_at_a_time:
+            self._waiting.pop(show, None)
+
+    def _wait(self) -> None:
+        while True:
+            with self._one_at_a_time:
+                now = time.monotonic()
+                due = [show for show, moment in self._waiting.items() if moment <= now]
+                for show in due:
+                    del self._waiting[show]
+                following = min(self._waiting.values(), default=None)
+                if following is None:
+                    self._thread = None
+            for show in due:
+                show()
+            if following is None:
+                return
+            time.sleep(following - now)
+
+
+@cache
+def _late_bars() -> _LateBars:
+    """One for all calls: a thread of its own would cost a short call a twentieth of its time."""
+    return _LateBars()
 
 
 class Stage:
