@@ -37,8 +37,11 @@ PIECES_OF_TURN, PIECES_OF_VALLEY = 64, 1024
 """The same of the polygons that are handed out, on the way and in the valley."""
 LEAST_WAY, MOST_OF_WAY = 1e-5, 0.9
 """Shares among which those of the best ways are looked for."""
-WAYS_TRIED, TIMES_CLOSER = 16, 3
-"""Shares that are tried at a time, and how often between closer ones: the logarithm of the best is found to 0.01."""
+WAYS_TRIED, TIMES_CLOSER = 16, 6
+"""Shares that are tried at a time, and how often between closer ones: the logarithm of the best is found to 3e-5.
+
+The curve turns into a valley as sharply as that is narrow, and the mesh for it is finest where this one turns.
+"""
 MESH_OF_VALLEY, FINER, CLOSEST_TO_TURN = 9, 8.0, 10
 """Points of the mesh for curves there, and by what factor it is finer, and how often, toward a turn."""
 FIRST_LINES = {1: 8, 2: 4, 3: 2}
