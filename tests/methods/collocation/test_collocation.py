@@ -351,6 +351,18 @@ def test_troesch(mu, slope, relative):
 # knots, waypoints, periods
 
 
+@pytest.mark.parametrize("pieces", [2, 20, 100, 400])
+def test_momenta_agree_across_however_many_knots(pieces):
+    # the momentum is one number, rise / (sum of lengths / coefficients), and half of the way either coefficient is met
+    layers = Problem(
+        lambda x, y, dy: ca.if_else(ca.sin(pieces * np.pi * x) > 0, 2, 1) * dy**2 / 2, Fixed(0, 0), Fixed(1, 1),
+        breakpoints=[k / pieces for k in range(1, pieces)],
+    )  # fmt: skip
+    solution = solved(layers)
+    assert solution.value == pytest.approx(2 / 3, rel=1e-12)
+    assert solution.y(0.5) == pytest.approx(1 / 3 if pieces == 2 else 1 / 2, rel=1e-12)
+
+
 def test_snell_refraction_at_a_breakpoint():
     problem = Problem(
         lambda x, y, dy: ca.if_else(x < 0.4, 1.0, 1.5) * ca.sqrt(1 + dy**2), Fixed(0, 0), Fixed(1, 1), breakpoints=[0.4]

@@ -101,18 +101,20 @@ class Boundary:
                     self.count += 1
 
     def _wire(self) -> None:
-        c, function, count = self.counts, self.conditions.momentum, len(self._at)
+        c, count = self.counts, len(self._at)
+        momentum = None if self.conditions.momentum is None else PointEvaluator(self.conditions.momentum)
+        order = "C" if momentum is None else momentum.order(count)
         self.numbers = np.array([numbers for _, numbers in self._at])
         powers = np.arange(self.space.smoothness)
         self._scale = self.space.vertex_scale ** (-1.0 * powers)
-        self._inputs = [np.array([x for x, _ in self._at])]
-        self._inputs += [np.zeros((count, c.functions)) for _ in powers]
-        self._inputs += [np.tile(self.form.problem.parameter_values, (count, 1))]
-        self._inputs += [np.zeros((count, c.numbers)), np.zeros((count, c.levels))]
+        self._inputs = [np.array([[x] for x, _ in self._at])]
+        self._inputs += [np.zeros((count, c.functions), order=order) for _ in powers]
+        self._inputs += [np.array(np.tile(self.form.problem.parameter_values, (count, 1)), order=order)]
+        self._inputs += [np.zeros((count, width), order=order) for width in (c.numbers, c.levels)]
         rows, columns = c.order * c.functions, len(powers) * c.functions + c.numbers + c.levels
-        self._output = np.zeros((count, rows * (1 + columns)))
-        if function is not None:
-            self._run = PointEvaluator(function).bound(self._inputs, self._output)
+        self._output = np.zeros((count, rows * (1 + columns)), order=order)
+        if momentum is not None:
+            self._run = momentum.bound(self._inputs, self._output)
 
     def evaluate(
         self, coefficients: np.ndarray, unknowns: np.ndarray, levels: np.ndarray, ends: np.ndarray
