@@ -168,6 +168,7 @@ class NarrowValleys:
         h, middle = np.diff(x, axis=0), 0.5 * (x[1:] + x[:-1])
 
         def along(away: np.ndarray) -> np.ndarray:
+            """L in the middle of each piece of what departs by ``away``."""
             rates, between = np.diff(away, axis=1) / h, 0.5 * (away[:, 1:] + away[:, :-1])
             columns = (v.reshape(len(away), -1).T for v in (between, rates))
             return self.landscape.values(middle.ravel(), *columns).reshape(middle.shape)

@@ -8,8 +8,10 @@ the one with which it came there, and what has pressed it since.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -40,10 +42,12 @@ PLACE_FOUND, MOST_PLACES_TRIED = 1e-7, 12
 """Distance, in units of the interval, to which the best place is found, and places that are tried between two."""
 AS_A_PARABOLA = (0.25, 0.75)
 """Between which parts of a rate times the way the value changes on the way to where the rate is zero."""
-SLOPE_HELD_TO, PLACES_UP_TO_END, HALVINGS_TO_REST = 1e-2, 257, 40
-"""How nearly a slope is held, in units of slopes, places where that is seen, and times that what is between halves.
+SLOPE_HELD_TO, PLACES_UP_TO_END, HALVINGS_TO_REST = 1e-7, 257, 40
+"""How nearly a slope is held, in units of slopes, places where that is seen, and times that what is between halves."""
+SLOPE_NEARLY_HELD_TO = 1e-2
+"""The same where a curve is known to rest only nearly.
 
-It is told no better where a curve rests only nearly; a slope that is free so near to a kink obeys the same equation.
+A slope that is free so near to a kink obeys the same equation as one that is held there.
 """
 PIECES_UP_TO_END, POINTS_UP_TO_END = 16, 12
 """Pieces of a stretch on which it is, and Gauss points on each, by which it is summed what presses it."""
@@ -265,18 +269,25 @@ class _Whole:
         first, last = self.problem.span
         x = np.linspace(first, last, PLACES_UP_TO_END)[1:-1]
         x = x if side else x[::-1]
-        function = ca.Function("held", self.problem.symbols.all, [ca.densify(ca.vertcat(*self._holding()))])
-        held = self._held(function, x)
+        steepest = max(1.0, float(np.abs(self.curve(x, 1)).max()))
+        nearly = self._last_free(x, SLOPE_NEARLY_HELD_TO * steepest)
+        # where all slopes are so small, or none is, there is nothing to be told roughly
+        rough = nearly is not None and not math.isnan(nearly)
+        return nearly if rough else self._last_free(x, SLOPE_HELD_TO * steepest)
+
+    def _last_free(self, x: np.ndarray, room: float) -> float | None:
+        """Where a slope, followed along x (m,) to the end, was last off by more than ``room``; see above."""
+        held = self._off(x) <= room
         if not held[:, -1].any():
             return None
         lefts = [np.flatnonzero(~row) for row in held if row[-1]]
         if any(len(left) == 0 for left in lefts):
-            return np.nan
+            return math.nan
         kind = int(np.argmax(held[:, -1]))
         low, high = x[lefts[0][-1]], x[lefts[0][-1] + 1]
         for _ in range(HALVINGS_TO_REST):
             middle = 0.5 * (low + high)
-            low, high = (low, middle) if self._held(function, np.array([middle]))[kind, 0] else (middle, high)
+            low, high = (low, middle) if self._off(np.array([middle]))[kind, 0] <= room else (middle, high)
         return float(low)
 
     def _holding(self) -> list[Expression]:
@@ -287,9 +298,13 @@ class _Whole:
                 found += [traced.expression - v for v in traced.constraint.interval if np.isfinite(v)]
         return [e for e in found if ca.depends_on(e, self.problem.symbols.dy)] or [ca.SX(1)]
 
-    def _held(self, function: ca.Function, x: np.ndarray) -> np.ndarray:
-        """By which of what may hold it the curve is held at x (m,): (holding, m)."""
-        return np.abs(self._along(function, x)) <= SLOPE_HELD_TO * max(1.0, float(np.abs(self.curve(x, 1)).max()))
+    def _off(self, x: np.ndarray) -> np.ndarray:
+        """How far the curve is at x (m,) from being held by each of what may hold it: (holding, m)."""
+        return np.abs(self._along(self._held, x))
+
+    @cached_property
+    def _held(self) -> ca.Function:
+        return ca.Function("held", self.problem.symbols.all, [ca.densify(ca.vertcat(*self._holding()))])
 
     def _along(self, function: ca.Function, x: np.ndarray) -> np.ndarray:
         numbers = in_columns(len(x), self.problem.parameter_values, self.problem.unknown_guesses)
