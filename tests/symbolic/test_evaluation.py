@@ -102,6 +102,13 @@ def test_a_bound_call_works_in_place():
     assert found.ravel().tolist() == [1.0, 4.0, 9.0]
 
 
+@pytest.mark.parametrize("shape", [(3,), (1, 3), (2, 1)])
+def test_a_bound_call_refuses_arrays_of_another_shape(shape):
+    evaluate = PointEvaluator(ca.Function("f", [X], [X**2]))
+    with pytest.raises(ValueError, match=r"inputs\[0\] has the shape .* must have \(3, 1\)"):
+        evaluate.bound([np.zeros(shape)], np.zeros((3, 1)))
+
+
 def test_every_unary_operation_agrees_with_casadi() -> None:
     for code in UNARY:
         at = 1 / UNITS if code == ca.OP_ACOSH else UNITS

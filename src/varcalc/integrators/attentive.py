@@ -230,9 +230,11 @@ class AttentiveFlow:
         run = self.free.trajectory(grid, state, constants, level=level, longest=longest, dense=dense)
         if self._wide_along([run], constants)[0] and self._unseen_along([run], constants)[0]:
             more = self.watched.trajectory(
-                grid, self._extended(state), constants, level=level, longest=longest, dense=dense
+                abscissae, self._extended(state), constants, level=level, longest=longest, dense=dense
             )
-            run = self._without_companions(more) or run
+            told = self._without_companions(more)
+            if told is not None:
+                return told
         return replace(run, abscissae=np.asarray(abscissae), states=run.states[own])
 
     def trajectories(self, abscissae: np.ndarray, states: np.ndarray, constants: np.ndarray) -> list[Run]:
@@ -242,12 +244,14 @@ class AttentiveFlow:
         grid, own = _looked_at(abscissae)
         runs = self.free.trajectories(grid, states, constants)
         wide = np.flatnonzero(self._wide_along(runs, constants))
-        for some in np.array_split(wide, math.ceil(len(wide) / MOST_AT_ONCE)) if len(wide) else []:
-            unseen = self._unseen_along([runs[k] for k in some], constants)
-            for k in some[unseen].tolist():
-                more = self.watched.trajectory(grid, self._extended(states[k]), constants)
-                runs[k] = self._without_companions(more) or runs[k]
-        return [replace(run, abscissae=np.asarray(abscissae), states=run.states[own]) for run in runs]
+        parts = np.array_split(wide, math.ceil(len(wide) / MOST_AT_ONCE)) if len(wide) else []
+        again = [k for some in parts for k in some[self._unseen_along([runs[k] for k in some], constants)]]
+        told = [replace(run, abscissae=np.asarray(abscissae), states=run.states[own]) for run in runs]
+        if again:
+            watched = self.watched.trajectories(abscissae, self._extended(states[again]), constants)
+            for k, more in zip(again, watched, strict=True):
+                told[k] = self._without_companions(more) or told[k]
+        return told
 
     def _without_companions(self, watched: Run) -> Run | None:
         """A watched run; None where it is no number from the start."""

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 
 import casadi as ca
 
-from varcalc.problem.functional import named
+from varcalc.problem.conditions import named
 from varcalc.spelling import check_names, spelled
 from varcalc.symbolic.tracing import Names, TracedFunction, check_arity, name_of, trace
 

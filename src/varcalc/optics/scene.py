@@ -21,8 +21,7 @@ from varcalc.optics.propagation.sequential import CompiledScene
 from varcalc.optics.rays.ray import Rays
 from varcalc.optics.surfaces import Surface, touched
 from varcalc.optics.validation import how_far, matched, point, positive, rows, unit_rows
-from varcalc.problem.conditions import is_vector, sequence, told
-from varcalc.problem.functional import named
+from varcalc.problem.conditions import is_vector, named, sequence, told
 from varcalc.problem.reading import latex, text
 from varcalc.progress import Interrupted, Progress
 from varcalc.showing import Fact, Shown, brief, counted, line, listed

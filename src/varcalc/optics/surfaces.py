@@ -18,8 +18,7 @@ import numpy as np
 
 from varcalc.optics.parameters import Parametrised
 from varcalc.optics.validation import by_chunks, direction, number, numbers, point
-from varcalc.problem.conditions import truth
-from varcalc.problem.functional import named
+from varcalc.problem.conditions import named, truth
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing

@@ -103,7 +103,13 @@ class PointEvaluator:
 
         The arrays hold one point a row, are contiguous, in the order of :meth:`order`, and must not be replaced while
         the call is in use. It is taken to be called often, so that for many points NumPy's form is read at once.
+
+        Raises ValueError for an array of another shape than (points, entries): what is read in place would be taken
+        for something else in silence.
         """
+        for i, array in enumerate(inputs):
+            if array.shape != (expected := (len(output), self.function.numel_in(i))):
+                raise ValueError(f"inputs[{i}] has the shape {array.shape}, and must have {expected}: a point each row")
         if not len(output):
             return lambda: None
         if self.order(len(output)) == "F":

@@ -14,8 +14,7 @@ from typing import Any
 import casadi as ca
 
 from varcalc.optics.media.medium import Graded, Uniform
-from varcalc.problem.conditions import finite
-from varcalc.problem.functional import named
+from varcalc.problem.conditions import finite, named
 from varcalc.spelling import spelled
 
 ENERGY = "energy"

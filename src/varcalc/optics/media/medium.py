@@ -19,8 +19,7 @@ import numpy as np
 from varcalc.optics.media.dispersion import Dispersion
 from varcalc.optics.parameters import Parametrised
 from varcalc.optics.validation import point
-from varcalc.problem.conditions import finite, told
-from varcalc.problem.functional import named
+from varcalc.problem.conditions import finite, named, told
 from varcalc.showing import Brief
 from varcalc.spelling import spelled
 from varcalc.symbolic import tracing
