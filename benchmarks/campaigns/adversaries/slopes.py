@@ -66,8 +66,13 @@ def zigzags(random: np.random.Generator) -> Statement:
 
 
 def bolza(random: np.random.Generator) -> Statement:
-    """(v^2 - 1)^2 + k y^2 with both ends at 0: ever finer zigzags come down to 0, no curve does (Bolza's example)."""
+    """(v^2 - 1)^2 + k y^2 with both ends at 0: ever finer zigzags come down to 0, no curve does (Bolza's example).
+
+    A tent on whose sides v^2 > 1/3 is a weak minimum: L is convex there, and to move its corner is no
+    weak variation.
+    """
     T, k = random.uniform(0.5, 3), math.exp(random.uniform(-2, 2))
-    least = Least(0.0, attained=False, verdicts=frozenset({Verdict.NOT_ATTAINED, Verdict.SADDLE}))
+    truths = frozenset({Verdict.NOT_ATTAINED, Verdict.SADDLE, Verdict.WEAK_MINIMUM})
+    least = Least(0.0, attained=False, verdicts=truths)
     L: Integrand = lambda x, y, v: (v**2 - 1) ** 2 + k * y**2  # noqa: E731
     return Statement(L, (0.0, 0.0), (T, 0.0), least)

@@ -50,6 +50,17 @@ CONTINUA = {
 }  # fmt: skip
 
 
+def test_a_long_kink_that_is_hardly_held_is_not_said_to_have_conjugate_ends():
+    # the slope of tanh((x - x0)/sqrt 2) is a Jacobi field without a zero, some exp(-x0 sqrt 2) at its ends
+    span = 27.0
+    x0 = 0.3 * span
+    ends = (math.tanh((x - x0) / math.sqrt(2)) for x in (0.0, span))
+    first, last = (vc.Fixed(x, y) for x, y in zip((0.0, span), ends, strict=True))
+    alone = vc.solve(vc.Problem(lambda x, y, v: v**2 / 2 + (1 - y**2) ** 2 / 4, first, last), vc.Ritz(), throw=False)
+    assert alone.verdict is not vc.Verdict.DEGENERATE
+    assert "conjugate" not in alone.message
+
+
 @pytest.mark.parametrize("method", [None, vc.Ritz(), vc.Ritz(3, 10)])
 @pytest.mark.parametrize("name", CONTINUA)
 def test_a_continuum_is_degenerate(name, method):

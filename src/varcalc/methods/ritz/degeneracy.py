@@ -33,6 +33,9 @@ ZERO = 1e-9
 """Eigenvalues of the second variation, in units of its leading term, that are none."""
 LOOSEST = 1e-6
 """The same where the curve is known poorly."""
+END_PLACES = 401
+AT_AN_END = 1e-3
+"""Shares of a direction and of its slope that are next to nothing at an end, seen at so many places."""
 PLACED = 1e-10
 """Change of the functional, relative to what is summed, that a curve in its place may still make by being moved."""
 EIGENVALUE_KEPT = 0.9
@@ -73,6 +76,8 @@ def degenerate(rungs: Rungs, system: RitzSystem, z: np.ndarray, step: Step, curv
             zero = modes[:, eigenvalues <= threshold]
             if rises_throughout(system.form, system.space.curve(system.coefficients(z))):
                 return _unplaced(system, z)
+            if _hardly_reaches_ends(system, zero):
+                return None, _hardly_held(lowest)
             return None if _are_rigid_motions(system, z, zero) else _sentence(zero.shape[1], lowest)
         if not lowest < EIGENVALUE_KEPT * previous:
             break
@@ -101,6 +106,33 @@ def _unplaced(system: RitzSystem, z: np.ndarray) -> Doubt | None:
     return None, (
         f"the curve is hardly held along the interval, and its place is not found: moved along it the functional may "
         f"change by {missed:.2g}"
+    )
+
+
+def _hardly_reaches_ends(system: RitzSystem, modes: np.ndarray) -> bool:
+    """Whether directions (M, m) are next to nothing at an end, with their slopes.
+
+    A Jacobi field that meets the conditions of both ends is a solution of an equation of second order, and hardly ever
+    so small there. What holds a kink in its place falls exponentially toward the ends, soon below all digits.
+    """
+    form = system.form
+    if form.ends.periodic or form.order > 1 or system.extra:
+        return False
+    s = np.linspace(*form.span, END_PLACES)
+    nowhere = system.coefficients(np.zeros(system.size))
+
+    def reaches(direction: np.ndarray) -> bool:
+        curve = system.space.curve(system.coefficients(direction) - nowhere)
+        sizes = [np.abs(curve(s, k)).max(axis=0) for k in (0, 1)]
+        return all(any(size[k] > AT_AN_END * size.max() for size in sizes) for k in (0, -1))
+
+    return not any(map(reaches, modes.T))
+
+
+def _hardly_held(lowest: float) -> str:
+    return (
+        f"the curve is hardly held in a direction that is next to nothing at an end (second variation {lowest:.1g} of "
+        "its leading term), and whether that vanishes is not known"
     )
 
 
