@@ -49,6 +49,7 @@ FAMILIES = {
     "crossings": Family("kinks in y that are crossed", kinked.crossed_levels),
     "dead cores": Family("kinks in y that may be followed", kinked.dead_cores),
     "refraction": Family("layers of different index", layers.refraction),
+    "steps": Family("floor, ceil and remainder of y", layers.stairs),
     "spots": Family("soft spots of width 1e-6 to 0.1", narrow.spots),
     "grains": Family("loads on a width of 1e-6 to 0.1", narrow.grains),
     "slots": Family("slots in y of width 1e-6 to 0.1", narrow.slots),

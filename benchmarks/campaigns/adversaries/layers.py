@@ -1,4 +1,4 @@
-"""Refraction: layers of different index, written as conditions on y."""
+"""Layers across y: of different index, written as conditions, and stiffnesses that are stairs or teeth."""
 
 from __future__ import annotations
 
@@ -91,3 +91,29 @@ def refraction(random: np.random.Generator) -> Statement:
 
     L: Integrand = lambda x, y, v: index(y) * ca.sqrt(1 + v**2)  # noqa: E731
     return Statement(L, (0.0, y0), (across, y1), Least(min(paths), sole=len(paths) == 1))
+
+
+def stairs(random: np.random.Generator) -> Statement:
+    """p(y) v^2 with p = exp(c floor(n y)), the same with ceil, or 1 + m remainder(n y, 1).
+
+    The value is (integral of sqrt p dy)^2 over the length, by Cauchy and Schwarz.
+    """
+    rate, slope = random.uniform(0.7, 8), float(random.choice([-1, 1]) * random.uniform(0.2, 0.8))
+    y0 = random.uniform(-1, 1)
+    y1, across = y0 + random.choice([-1, 1]) * random.uniform(0.4, 2), random.uniform(0.5, 4)
+    operation = random.integers(3)
+    # teeth jump half way between whole numbers
+    edge = 0.5 if operation == 2 else 0.0
+    low, high = sorted((rate * y0 + edge, rate * y1 + edge))
+    cuts = np.unique(np.concatenate([[low], np.arange(np.ceil(low), np.ceil(high)), [high]]))
+    below = np.floor((cuts[1:] + cuts[:-1]) / 2)
+    if operation == 2:
+        ends = [1 + slope * (cut - below - edge) for cut in (cuts[:-1], cuts[1:])]
+        way = np.sum(2 / (3 * slope) * (ends[1] ** 1.5 - ends[0] ** 1.5))
+        stiffness: Any = lambda y: 1 + slope * ca.remainder(rate * y, 1)  # noqa: E731
+    else:
+        way = np.sum(np.diff(cuts) * np.exp(slope * (below + operation) / 2))
+        step = ca.ceil if operation else ca.floor
+        stiffness = lambda y: ca.exp(slope * step(rate * y))  # noqa: E731
+    L: Integrand = lambda x, y, v: stiffness(y) * v**2  # noqa: E731
+    return Statement(L, (0.0, y0), (across, y1), Least(float((way / rate) ** 2 / across)))

@@ -226,14 +226,18 @@ def _lingers(values: np.ndarray, x: np.ndarray, across: float) -> bool:
 def _placed(
     at: Callable[[np.ndarray], np.ndarray], levels: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """Where the argument meets each of the ``levels`` (m,), between abscissae (m,): looks at all of them at once."""
+    """Where the argument meets each of the ``levels`` (m,), between abscissae (m,): looks at all of them at once.
+
+    An argument that comes up to a level, but for round-off, and not beyond it meets that where it is nearest.
+    """
     each = np.arange(len(levels))
     at_once = min(max((PLACES_A_LOOK // len(levels)).bit_length() - 1, FEWEST_AT_ONCE), MOST_AT_ONCE)
     for _ in range(-(-HALVINGS // at_once)):
         x = np.linspace(low, high, 2**at_once + 1, axis=1)
-        above = at(x.ravel()).reshape(x.shape) > levels[:, None]
-        change = np.argmax(above[:, 1:] != above[:, :-1], axis=1)
-        low, high = x[each, change], x[each, change + 1]
+        off = at(x.ravel()).reshape(x.shape) - levels[:, None]
+        changes = (off[:, 1:] > 0.0) != (off[:, :-1] > 0.0)
+        met, change, nearest = changes.any(axis=1), np.argmax(changes, axis=1), np.argmin(np.abs(off), axis=1)
+        low, high = x[each, np.where(met, change, nearest)], x[each, np.where(met, change + 1, nearest)]
     return 0.5 * (low + high)
 
 

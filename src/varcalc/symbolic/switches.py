@@ -6,6 +6,7 @@ its jump where a - b = 0, floor(u) one at each whole number u.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -245,6 +246,15 @@ def _measured(operation: int, operands: Sequence[_Sized]) -> _Sized:
     return _Sized(values, np.abs(values))
 
 
+def _switched_by(operation: int, operands: Sequence[_Sized]) -> _Sized:
+    """What an operation that is smoothed switches by."""
+    if operation in PAIRED:
+        return _measured(ca.OP_SUB, operands)
+    if operation in (ca.OP_FMOD, ca.OP_REMAINDER):
+        return _measured(ca.OP_DIV, operands)
+    return operands[-1]
+
+
 def units(
     expressions: Sequence[Expression], symbols: Sequence[Expression], points: Sequence[Sequence[np.ndarray]]
 ) -> tuple[list[float], list[float]]:
@@ -258,8 +268,7 @@ def units(
     def applied(operation: int, operands: Sequence[_Sized]) -> _Sized:
         """The size of the operation; that of its argument is noted where it switches."""
         if operation in SMOOTHED:
-            argument = operands[0] if operation in ONE_SIDED else _measured(ca.OP_SUB, (operands[0], operands[-1]))
-            switching.append(argument.unit())
+            switching.append(_switched_by(operation, operands).unit())
         return _measured(operation, operands)
 
     def sized(values: np.ndarray | float) -> _Sized:
@@ -298,9 +307,25 @@ def _step(a: Expression, width: float) -> Expression:
     return 0.5 * (1 + ca.tanh(a / width))
 
 
+def _stairs(a: Expression, width: float) -> Expression:
+    """The whole number below, with steps spread as an arctan is: a sawtooth's Fourier series by Poisson's kernel."""
+    share, turn = math.exp(-2 * math.pi * width), 2 * math.pi * a
+    return a - 0.5 + ca.atan2(share * ca.sin(turn), 1 - share * ca.cos(turn)) / math.pi
+
+
+def _toward_zero(a: Expression, width: float) -> Expression:
+    """The whole number next to it toward zero: the same stairs without the step at zero."""
+    return _stairs(a, width) + 0.5 - ca.atan(a / width) / math.pi
+
+
 SMOOTHED: dict[int, Callable[..., Expression]] = {
     ca.OP_FABS: _size,
     ca.OP_SIGN: lambda a, width: ca.tanh(a / width),
+    ca.OP_COPYSIGN: lambda a, b, width: ca.fabs(a) * ca.tanh(b / width),
+    ca.OP_FLOOR: _stairs,
+    ca.OP_CEIL: lambda a, width: -_stairs(-a, width),
+    ca.OP_FMOD: lambda a, b, width: a - b * _toward_zero(a / b, width),
+    ca.OP_REMAINDER: lambda a, b, width: a - b * _stairs(a / b + 0.5, width),
     ca.OP_FMAX: lambda a, b, width: 0.5 * (a + b + _size(a - b, width)),
     ca.OP_FMIN: lambda a, b, width: 0.5 * (a + b - _size(a - b, width)),
     ca.OP_LT: lambda a, b, width: _step(b - a, width),
