@@ -247,10 +247,14 @@ class AttentiveFlow:
         parts = np.array_split(wide, math.ceil(len(wide) / MOST_AT_ONCE)) if len(wide) else []
         again = [k for some in parts for k in some[self._unseen_along([runs[k] for k in some], constants)]]
         told = [replace(run, abscissae=np.asarray(abscissae), states=run.states[own]) for run in runs]
-        if again:
-            watched = self.watched.trajectories(abscissae, self._extended(states[again]), constants)
-            for k, more in zip(again, watched, strict=True):
-                told[k] = self._without_companions(more) or told[k]
+        # one that ends early would end all beside it
+        whole = [k for k in again if runs[k].completed]
+        early = [k for k in again if not runs[k].completed]
+        watched = [self.watched.trajectory(abscissae, self._extended(states[k]), constants) for k in early]
+        if whole:
+            watched += self.watched.trajectories(abscissae, self._extended(states[whole]), constants)
+        for k, more in zip(early + whole, watched, strict=True):
+            told[k] = self._without_companions(more) or told[k]
         return told
 
     def _without_companions(self, watched: Run) -> Run | None:
