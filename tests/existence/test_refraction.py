@@ -1,5 +1,6 @@
 """Minima that meet kinks and jumps of the Lagrangian in y, in (x, y) and in the slope, against closed forms."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -7,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from mpmath import findroot, mp, mpf, quad, sqrt
+from scipy.optimize import minimize_scalar
 
 import varcalc as vc
 
@@ -497,3 +499,20 @@ def test_a_method_of_smooth_equations_that_fails_names_what_switches(method):
     assert not refused.status.ok
     assert "a kink (fabs) where y - 3/10 = 0" in refused.message
     assert "try Ritz" in refused.message
+
+
+@pytest.mark.parametrize("end", [(1.2, 0.9), (1.2, 1.0), (1.0, 0.75), (2.0, 1.3)])
+def test_a_slanting_line_is_crossed_next_to_the_end_by_whatever_angle(end):
+    """n = 1 below y = x/2 + 1/5 and 2 above it: the least of both lengths over the place at which it is crossed."""
+
+    def path(t):
+        return math.hypot(t, t / 2 + 0.2) + 2 * math.hypot(end[0] - t, end[1] - 0.2 - t / 2)
+
+    exact = minimize_scalar(path, bounds=(0, end[0]), method="bounded", options={"xatol": 1e-9}).fun
+    solution = vc.solve(
+        vc.Problem(
+            lambda x, y, v: (1.5 + 0.5 * ca.sign(y - x / 2 - 0.2)) * ca.sqrt(1 + v**2), vc.Fixed(0, 0), vc.Fixed(*end)
+        )
+    )
+    assert solution.value == pytest.approx(exact, rel=1e-13)
+    assert float(solution.y(end[0])) == pytest.approx(end[1], abs=1e-12)

@@ -80,6 +80,8 @@ FINE = Ritz(elements=64, starts=1)
 """The same from a curve that is steep in one place."""
 ACROSS = Ritz(elements=24, degree=3, refine=False, starts=1), Ritz(elements=24, starts=1)
 """The two ways from a polygon of a landscape, which has as many pieces."""
+MESHES_MOVED, STEEP_PLACES = 8, 4001
+"""Meshes that follow what is steep, and places at which that is looked for."""
 IN_NARROW = Ritz(starts=1, degree=8)
 """The way into a narrow valley, on a mesh of its own."""
 QUADRATIC = "L is proved to be of second degree in the curve and its slope"
@@ -284,7 +286,43 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: floa
         lattice = across_the_landscape(landscape, ordinates, known)
         valleys = [] if lattice is None else _lowest(best, lattice, _distinct(lattice), FOLLOWED_ACROSS)
     seen.across, seen.number = lattice is not None, seen.number + len(valleys)
-    return None if lattice is None else _followed(best, lattice, valleys, ACROSS, polish)
+    if lattice is None:
+        return None
+    lower = _followed(best, lattice, valleys, ACROSS, polish)
+    return _by_quick_ways(best, seen, lattice, ordinates, polish) or lower if lower is None or lower.local else lower
+
+
+def _by_quick_ways(
+    best: Solution, seen: _LookedAt, across: Lattice, ordinates: Callable[[np.ndarray], np.ndarray], polish: Polish
+) -> Solution | None:
+    """A lower solution that rests elsewhere most of the time, or the known one marked for that; None for neither."""
+    from varcalc.existence.quick_ways import quick_ways, settled  # few landscapes have wells
+
+    with np.errstate(all="ignore"):
+        quick = quick_ways(across, ordinates)
+        valleys = [] if quick is None else [settled(quick.landscape, v) for v in quick.distinct()[:FOLLOWED]]
+    seen.number += len(valleys)
+    marked: Solution | None = None
+    for valley in valleys:
+        assert quick is not None
+        found = _kept_in_view(quick.landscape.along(valley), valley.x, polish)
+        if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
+            return found
+        marked = marked or _by_polygon(best, quick, valley, followed=True)
+    return marked
+
+
+def _kept_in_view(start: Sampled, x: np.ndarray, polish: Polish) -> Solution:
+    """The answer from a curve that is steep in few places: it may move along, and the mesh is then made anew there."""
+    from varcalc.existence.quick_ways import mesh_for
+
+    found = polish(IN_NARROW, start, mesh_for(x, start(x)))
+    for _ in range(MESHES_MOVED):
+        if found.status.ok or found.curve is None or not math.isfinite(found.value):
+            break
+        start, x = _samples(found), np.unique(np.concatenate([found.x, np.linspace(x[0], x[-1], STEEP_PLACES)]))
+        found = polish(IN_NARROW, start, mesh_for(x, start(x)))
+    return found
 
 
 def _about(best: Solution, lattice_of: Callable[[int], PolygonLattice]) -> Iterator[PolygonLattice]:
@@ -425,7 +463,11 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None,
         return next((lower for lower in polygons if lower is not None), None)
     seen.number += len(found)
     followed = (_followed(best, lattice, [valley], way, polish) for _, lattice, valley, way in found)
-    return next((lower for lower in followed if lower is not None), None)
+    lower = next((lower for lower in followed if lower is not None), None)
+    if (lower is not None and not lower.local) or bends or not isinstance(best.problem, Problem):
+        return lower
+    quick = (_by_quick_ways(best, seen, across, np.zeros_like, polish) for across in acrosses if across is not None)
+    return next((other for other in quick if other is not None), lower)
 
 
 def _lowest_alternating(best: Solution, levelled: Sequence[LevelledPolygons], known: Relaxed | None) -> Relaxed | None:

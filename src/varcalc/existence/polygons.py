@@ -285,15 +285,17 @@ def minima(values: np.ndarray) -> np.ndarray:
 class Lattice:
     """Polygons through ``nodes`` (K + 1, J), ascending ordinates at the abscissae x; ``own`` are those of a curve.
 
-    They are ``bounded`` where they lie no further apart than slopes lead that have bounds.
+    The ``rests`` are levels on which a curve at rest costs less than on those beside it, where they are told. Polygons
+    are ``bounded`` where nodes lie no further apart than slopes lead that have bounds.
     """
 
     bounded = False
 
     def __init__(
         self, landscape: LandscapeWithUnit, x: np.ndarray, nodes: np.ndarray, own: np.ndarray,
-        reach: float, steep: float,
+        reach: float, steep: float, rests: np.ndarray | None = None,
     ) -> None:  # fmt: skip
+        self.rests: np.ndarray = np.zeros(0) if rests is None else rests
         self.landscape, self.x, self.nodes, self.own, self.reach, self.steep = landscape, x, nodes, own, reach, steep
         self.c = nodes[np.arange(len(x)), own]
         self.steps = np.diff(x)
@@ -680,14 +682,15 @@ def across_the_landscape(
     from varcalc.existence.worth_crossing import worth_crossing  # few landscapes have hills and wells
 
     ends, worth = levels[[0, -1]], (-math.inf, math.inf) if about is None else worth_crossing(about)
-    levels = np.union1d(levels, _rests(landscape, x, levels, worth))
+    rests = _rests(landscape, x, levels, worth)
+    levels = np.union1d(levels, rests)
     if far:
         beyond = ABOUT * extent
         levels = np.union1d(levels, np.linspace(c.min() - beyond, c.max() + beyond, LEVELS_ABOUT))
     levels = levels[(levels >= worth[0]) & (levels <= worth[1])]
     beside = _edges(landscape, x, c, ends[:, None] + np.zeros(len(x))) + landscape.beside_jumps(x, c)
     nodes, own = _in_order(c, beside, np.broadcast_to(levels, (len(x), len(levels))))
-    return Lattice(landscape, x, nodes, own, float(high - low), extent / float(np.ptp(x)))
+    return Lattice(landscape, x, nodes, own, float(high - low), extent / float(np.ptp(x)), rests)
 
 
 def _in_order(c: np.ndarray, beside: list[np.ndarray], levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

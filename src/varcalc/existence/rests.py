@@ -68,6 +68,8 @@ SAME_SLOPE = 1e-9
 """By how much slopes that are the same differ by round-off."""
 WAYS_SUMMED, POINTS_OF_REST = 8, 12
 """Pieces of a rest, and Gauss points on each, by which it is summed what presses it."""
+SAME_END = 1e-7
+"""Difference of two ordinates of an end, relative to the curve's, that is none."""
 OFF_KNOWN = 1e-2
 """Part of what a curve is off by for running beside a jump and not on it to which that is known."""
 _OfWay = TypeVar("_OfWay")
@@ -114,7 +116,7 @@ def at_contacts(
         if same and following == kept:
             seam = surfaces.at_seam(curve, kept, pieces)
             held = all(surfaces.holds(curve, c, _beside(problem, kept, c, pieces), seam) for c in kept)
-            if not (held and surfaces.within_bounds(curve, solution.x)):
+            if not (held and meets_ends(problem, curve) and surfaces.within_bounds(curve, solution.x)):
                 return None
             own = resampled(curve, solution.x, 2)
             off = [surfaces.off_by(curve, c, _beside(problem, kept, c, pieces), seam) for c in kept]
@@ -129,6 +131,17 @@ def at_contacts(
 def along_jumps(problem: Problem, curve: CurveOrSlope) -> bool:
     """Whether a curve runs along a jump of its place, as along a wall."""
     return treated(problem) and Surfaces(problem).runs_along_jumps(curve)
+
+
+def meets_ends(problem: Problem, curve: CurveOrSlope) -> bool:
+    """Whether a curve has the ordinates that its ends prescribe: a contact may not lead to another place."""
+    ends, x = (problem.start, problem.end), np.array(problem.span)
+    y = curve(x, 0)
+    known = np.array([end.values(problem.n) for end in ends]).T
+    size = max(
+        float(np.ptp(curve(np.linspace(*problem.span, PLACES_OF_WAY), 0))), float(np.nanmax(np.abs(known), initial=0.0))
+    )
+    return not bool((np.abs(y - known) > SAME_END * size).any())
 
 
 def treated(problem: Problem) -> bool:
@@ -155,7 +168,9 @@ def _apart(surfaces: Surfaces, contacts: Sequence[Contact]) -> list[Contact] | N
     (a, b), merged = surfaces.problem.span, list[Contact]()
     near = NEAR_ENDS * (b - a)
     for contact in sorted(contacts, key=lambda c: (c.start, c.end)):
-        start, end = (a if contact.start - a < near else contact.start), (b if b - contact.end < near else contact.end)
+        begun, ended = contact.start - a < near, b - contact.end < near
+        start = a if begun and surfaces.may_reach(contact, 0) else contact.start
+        end = b if ended and surfaces.may_reach(contact, 1) else contact.end
         here = replace(contact, start=start, end=end)
         if start == end and start in (a, b) and not surfaces.ends_at(contact):
             continue
@@ -257,6 +272,15 @@ class Surfaces:
         asked = self.condition(steep).expression - steep.level
         along = ca.Function("along", s.all, [ca.densify(ca.substitute(asked, s.dy, slope))])
         return abs(float(along(x, y, 0.0, [], problem.parameter_values, []))) <= SAME_SLOPE
+
+    def may_reach(self, contact: Contact, side: int) -> bool:
+        """Whether the start (0) or the end (1) of the interval may lie on what a contact is with."""
+        problem, x = self.problem, self.problem.span[side]
+        y = (problem.start, problem.end)[side].values(1)
+        if self.steep(contact) or np.isnan(y).any():
+            return True
+        along = partial(ordinate_at, formulate(problem), self.condition(contact).expression)
+        return abs(along(replace(contact, start=x)) - float(y[0])) <= SAME_END * max(1.0, abs(float(y[0])))
 
     def through_it(self, contact: Contact, other: Contact) -> bool:
         """Whether one of two contacts goes through the jump that the other one runs along."""

@@ -38,6 +38,8 @@ BESIDE_SINGULAR = 0.25
 """Share of s beside a singular end that is left out: there everything varies by factors, and s is made for that."""
 BEYOND_ENDS = 0.1
 """By what share of their difference a curve may leave the range of two neighbouring samples."""
+BEFORE_VERTEX = 1e-9
+"""Share of a box by which its end lies before a vertex."""
 AN_ELEMENT = 3.0
 """By how many times more than is gentle something may vary from the middle of an element."""
 BESIDE_EDGE, STIFF = 0.05, 10.0
@@ -285,6 +287,9 @@ def _looked(
         return None
     s, points = _samples(extremal)
     low, high, first, last = s[:-1], s[1:], points[:, :-1], points[:, 1:]
+    if extremal.samples is None and len(extremal.vertices) > 2:
+        # at a corner the slope is that of the piece behind it
+        last = _points(extremal, high - BEFORE_VERTEX * (high - low))
     over = _excess(extremal, function, rules, first, last, first, last)
     if extremal.samples is None:  # these are no points of the method's, which need not have seen what they show
         inside = _points(extremal, 0.5 * (low + high))
