@@ -49,21 +49,21 @@ def test_a_string_round_a_ball_in_space(bounds):
 
 def test_the_places_of_contact_are_those_of_the_tangents():
     """A particle of least energy round a disc runs at constant speed: it comes to it after the share of a tangent."""
-    solution = string_round_a_disc(2, 1)
+    solution = string_round_a_disc(3, 2)
     along = along_curve(solution.extremal)
-    s, tangent, whole = along.symbols, np.sqrt(3), 2 * np.sqrt(3) + np.pi / 3
-    disc = (ca.sumsqr(s.y) - 1,)
-    edges = [0, 0.2, 0.384, 0.45, 0.55, 0.616, 1]
-    pieces = [TouchedArc(a, b, disc if 0.38 < a < 0.6 else ()) for a, b in pairwise(edges)]
+    s, tangent, whole = along.symbols, np.sqrt(5), 2 * np.sqrt(5) + 4 * np.arcsin(2 / 3)
+    disc = (ca.sumsqr(s.y) / 4 - 1,)
+    edges = [0, 0.2, 0.3026, 0.45, 0.55, 0.6974, 1]
+    pieces = [TouchedArc(a, b, disc if 0.3 < a < 0.6 else ()) for a, b in pairwise(edges)]
     found = at_contacts(along, ca.sumsqr(s.dy), pieces)
     share = tangent / whole
     assert np.abs(found.vertices - [0, share, 1 - share, 1]).max() < 1e-12
-    assert np.abs((found.evaluate(np.linspace(share, 1 - share, 9), 0) ** 2).sum(axis=0) - 1).max() < 1e-12
+    assert np.abs((found.evaluate(np.linspace(share, 1 - share, 9), 0) ** 2).sum(axis=0) / 4 - 1).max() < 1e-12
 
 
 def test_places_that_are_known_are_left_alone():
-    solution = string_round_a_disc(2, 1)
+    solution = string_round_a_disc(3, 2)
     along = along_curve(solution.extremal)
-    disc = (ca.sumsqr(along.symbols.y) - 1,)
-    arcs = [TouchedArc(0, 0.384, ()), TouchedArc(0.384, 0.616, disc), TouchedArc(0.616, 1, ())]
+    disc = (ca.sumsqr(along.symbols.y) / 4 - 1,)
+    arcs = [TouchedArc(0, 0.3026, ()), TouchedArc(0.3026, 0.6974, disc), TouchedArc(0.6974, 1, ())]
     assert at_contacts(along, ca.sumsqr(along.symbols.dy), arcs) is None

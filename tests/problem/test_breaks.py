@@ -42,7 +42,7 @@ def test_they_move_with_parameters():
 
 
 def test_too_many_to_be_placed_are_left_out_and_no_answer_is_called_right():
-    given = problem(lambda x, y, dy: (1 + ca.fabs(ca.sin(1e4 * x))) * dy**2)
+    given = problem(lambda x, y, dy: (1 + ca.fabs(ca.sin(4e3 * x))) * dy**2)
     assert breaks(given) == ()
     assert crowded(given) is not None
     assert crowded(problem(lambda x, y, dy: (1 + ca.floor(1e6 * x)) * dy**2)) is not None

@@ -34,6 +34,11 @@ def heights(strength):
     return [float(2 * mp.log(mp.cosh(t / 4))) for t in roots]
 
 
+def deep_neck(half):
+    """c of the deep catenary c cosh(x / c): c cosh(half / c) = 1."""
+    return float(half / mp.findroot(lambda r: mp.log(mp.cosh(r) * half / r), (TURN, 12), "illinois"))
+
+
 def test_the_fold_of_bratu_and_the_way_back():
     branch = vc.continue_branch(vc.solve(bratu(1.0)), "strength", until=4.0)
     assert branch.folds == pytest.approx([float(BRATU_FOLD)], abs=1e-13)
@@ -57,12 +62,12 @@ def test_the_fold_of_the_soap_film():
 
 
 def test_a_branch_is_followed_backwards_as_well():
-    deep = vc.extremals(film(0.5))[1]
+    c = deep_neck(0.5)
+    deep = vc.solve(film(0.5), vc.Collocation(), guess=lambda t: c * np.cosh(t / (2 * c)))
     branch = vc.continue_branch(deep, "half", until=0.3)
     assert len(branch.folds) == 0
     assert branch.parameter[-1] == 0.3
-    necks = mp.findroot(lambda r: mp.log(mp.cosh(r) * 0.3 / r), (TURN, 12), "illinois")
-    assert branch.solutions[-1].y(0.0) == pytest.approx(float(0.3 / necks), abs=1e-10)
+    assert branch.solutions[-1].y(0.0) == pytest.approx(deep_neck(0.3), abs=1e-10)
 
 
 def test_a_maximum_is_followed_as_its_own_sign_has_it():

@@ -7,9 +7,6 @@ import pytest
 
 import varcalc as vc
 
-FOLD = float(1 / mp.sinh(mp.findroot(lambda t: t * mp.tanh(t) - 1, 1.2)))
-"""a_c = t / cosh t with t tanh t = 1, the half-width beyond which no catenary joins the rings."""
-
 
 def film(half):
     return vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(-half, 1.0), vc.Fixed(half, 1.0))
@@ -29,43 +26,28 @@ def film_value(half, c):
     return c * (half + c * mp.sinh(2 * half / c) / 2)
 
 
-def bratu(strength):
-    return vc.Problem(lambda x, y, dy: dy**2 / 2 - strength * ca.exp(y), vc.Fixed(0.0, 0.0), vc.Fixed(1.0, 0.0))
+def bratu(strength, first=None, last=None, **options):
+    ends = first or vc.Fixed(0.0, 0.0), last or vc.Fixed(1.0, 0.0)
+    return vc.Problem(lambda x, y, dy: dy**2 / 2 - strength * ca.exp(y), *ends, **options)
+
+
+def bratu_roots(strength):
+    """t = sqrt(2 strength) cosh(t / 4) of both solutions y = 2 log(cosh(t / 4) / cosh(t (x - 1/2) / 2))."""
+    return [mp.findroot(lambda t: t - mp.sqrt(2 * strength) * mp.cosh(t / 4), start) for start in (1.0, 10.0)]
+
+
+def bratu_value(t):
+    """y'^2 / 2 + strength e^y is t^2 / 2 all along, and y' = -t tanh(t (x - 1/2) / 2)."""
+    return float(t**2 / 2 - 4 * t * mp.tanh(t / 4))
 
 
 def oscillator(time, end=1.0):
     return vc.Problem(lambda t, q, v: (v**2 - q**2) / 2, vc.Fixed(0.0, 0.0), vc.Fixed(time, end))
 
 
-def throw(reach):
-    return vc.Problem(
-        lambda x, y, dy: ca.sqrt(1 - 2 * y) * ca.sqrt(1 + dy**2), vc.Fixed(0.0, 0.0), vc.Fixed(reach, 0.0)
-    )
-
-
-@pytest.mark.parametrize("half", [0.5, 0.6])
-def test_both_catenaries_best_first(half):
-    found = vc.extremals(film(half))
-    exact = [film_value(half, c) for c in necks(half)]
-    assert [s.value for s in found] == pytest.approx([float(v) for v in sorted(exact)], abs=1e-12)
-    for solution, (value, neck) in zip(found, sorted(zip(exact, necks(half), strict=True)), strict=True):
-        assert abs(solution.value - value) <= 2 * solution.error.value <= 1e-12
-        assert abs(solution.y(0.0) - neck) <= 2 * solution.error.curve <= 1e-9
-
-
-def test_both_catenaries_just_before_the_fold_and_none_after():
-    before = vc.extremals(film(FOLD - 1e-7))
-    # they are 5e-4 apart
-    assert sorted(s.y(0.0) for s in before) == pytest.approx(sorted(map(float, necks(FOLD - 1e-7))), abs=1e-8)
-    after = vc.extremals(film(FOLD + 1e-6))
-    assert len(after) == 0
-    assert "slope in [-1e+06, 1e+06]" in after.searched
-
-
 @pytest.mark.parametrize("strength", [1.0, 3.0, 3.5])
 def test_both_solutions_of_bratu(strength):
-    roots = [mp.findroot(lambda t: t - mp.sqrt(2 * strength) * mp.cosh(t / 4), start) for start in (1.0, 10.0)]
-    heights = [float(2 * mp.log(mp.cosh(t / 4))) for t in roots]
+    heights = [float(2 * mp.log(mp.cosh(t / 4))) for t in bratu_roots(strength)]
     assert sorted(s.y(0.5) for s in vc.extremals(bratu(strength))) == pytest.approx(sorted(heights), abs=1e-9)
 
 
@@ -84,26 +66,8 @@ def test_the_oscillator_has_one_motion_none_or_a_continuum():
 
 
 def test_a_maximum_comes_first_where_one_is_sought():
-    maximised = vc.Problem(
-        lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(-0.5, 1.0), vc.Fixed(0.5, 1.0), maximise=True
-    )
-    values = [s.value for s in vc.extremals(maximised)]
-    assert values == pytest.approx(sorted((float(film_value(0.5, c)) for c in necks(0.5)), reverse=True))
-
-
-def test_low_and_high_throw_then_one_on_the_caustic_then_shadow():
-    def optical(slope, reach):
-        # along y = x v - x^2 (1 + v^2) / 2 the integrand is (1 - 2 y) sqrt(1 + v^2)
-        return float(mp.quad(lambda x: (1 - 2 * x * slope + x**2 * (1 + slope**2)) * mp.sqrt(1 + slope**2), [0, reach]))
-
-    slopes = [float(mp.tan(mp.radians(d))) for d in (15, 75)]
-    found = vc.extremals(throw(0.5))
-    assert [s.dy(0.0) for s in found] == pytest.approx(slopes, abs=1e-7)
-    assert [s.value for s in found] == pytest.approx([optical(v, 0.5) for v in slopes], abs=1e-12)
-    [one] = vc.extremals(throw(1.0))
-    assert one.verdict is vc.Verdict.DEGENERATE
-    assert one.value == pytest.approx(float(2 * mp.sqrt(2) / 3), abs=1e-12)
-    assert len(vc.extremals(throw(1.2))) == 0
+    values = [s.value for s in vc.extremals(bratu(3.0, maximise=True))]
+    assert values == pytest.approx(sorted(map(bratu_value, bratu_roots(3)), reverse=True), abs=1e-11)
 
 
 def test_every_swing_of_a_pendulum():
@@ -137,12 +101,10 @@ def test_a_growth_of_thirteen_digits_hides_no_extremal():
 
 
 def test_a_free_end_is_met_by_its_natural_condition():
-    problem = vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Fixed(0.0, 1.0), vc.Free(0.5))
-    # half of the film between rings: horizontal at the free end
-    exact = sorted(float(film_value(0.5, c)) / 2 for c in necks(0.5))
-    assert [s.value for s in vc.extremals(problem)] == pytest.approx(exact, abs=1e-12)
-    mirrored = vc.Problem(lambda x, y, dy: y * ca.sqrt(1 + dy**2), vc.Free(-0.5), vc.Fixed(0.0, 1.0))
-    assert [s.value for s in vc.extremals(mirrored)] == pytest.approx(exact, abs=1e-12)
+    # half of both solutions: horizontal at the free end
+    exact = sorted(bratu_value(t) / 2 for t in bratu_roots(3))
+    for ends in ({"last": vc.Free(0.5)}, {"first": vc.Free(0.5)}):
+        assert [s.value for s in vc.extremals(bratu(3.0, **ends))] == pytest.approx(exact, abs=1e-12)
 
 
 def test_a_curve_that_misses_its_end_is_none():
@@ -195,14 +157,14 @@ def test_unusable_arguments_are_named():
 def test_windings_of_a_cylinder_are_told_apart():
     graph = vc.Problem(lambda z, angle, slope: ca.sqrt(1 + slope**2), vc.Fixed(0, 0), vc.Fixed(1, 2))
     chart = vc.Curve(lambda q, dq: ca.sqrt(ca.sumsqr(dq)), vc.At([0, 0]), vc.At([2, 1]))
-    exact = {k: float(mp.hypot(1, 2 + 2 * mp.pi * k)) for k in range(-2, 3)}
+    exact = {k: float(mp.hypot(1, 2 + 2 * mp.pi * k)) for k in (-1, 0, 1)}
     for found in (
-        vc.extremals(graph, period=2 * np.pi, windings=2),
-        vc.extremals(chart, period=(2 * np.pi, None), windings=2),
+        vc.extremals(graph, period=2 * np.pi, windings=1),
+        vc.extremals(chart, period=(2 * np.pi, None), windings=1),
     ):
         assert list(found.windings) == sorted(exact, key=exact.get)
         assert [s.value for s in found] == pytest.approx([exact[k] for k in found.windings], abs=1e-12)
-        assert [s.problem.name.rpartition("winding ")[2] for s in found][1:3] == ["-1", "+1"]
+        assert [s.problem.name.rpartition("winding ")[2] for s in found][1:] == ["-1", "+1"]
     ring = vc.extremals(chart, period=(2 * np.pi, 3.0), windings=0)
     assert list(ring.windings) == [(0, 0)]
 
@@ -217,16 +179,6 @@ def test_a_period_that_the_lagrangian_lacks_is_refused():
         vc.extremals(film(0.5), windings=-1)
     with pytest.raises(ValueError, match="one for each"):
         vc.extremals(film(0.5), period=(1.0, 2.0))
-
-
-@pytest.mark.parametrize("angle", [1.0, 2.5])
-def test_both_ways_round_a_great_circle(angle):
-    sphere = vc.Curve(
-        lambda q, dq: ca.sqrt(ca.sumsqr(dq)), vc.At([1, 0, 0]), vc.At([np.cos(angle), np.sin(angle), 0]),
-        [vc.Holonomic(lambda q: ca.sumsqr(q) - 1)],
-    )  # fmt: skip
-    found = vc.extremals(sphere)
-    assert [s.value for s in found][:2] == pytest.approx([angle, 2 * np.pi - angle], abs=1e-11)
 
 
 def test_antipodes_are_joined_by_a_continuum():
@@ -264,8 +216,7 @@ def test_two_functions_that_do_not_meet_have_every_pair_of_solutions():
         lambda t, q, v: ca.sumsqr(v) / 2 - 3 * ca.exp(q[0]) - q[1] ** 4 / 4 + 10 * q[1] ** 2,
         vc.Fixed(0, [0, 0]), vc.Fixed(1, [0, 0]),
     )  # fmt: skip
-    roots = [mp.findroot(lambda t: t - mp.sqrt(6) * mp.cosh(t / 4), start) for start in (1.0, 10.0)]
-    heights = [float(2 * mp.log(mp.cosh(t / 4))) for t in roots]
+    heights = [float(2 * mp.log(mp.cosh(t / 4))) for t in bratu_roots(3)]
     found = vc.extremals(pair)
     middles = {tuple(np.round(s.y(0.5), 6)) for s in found}
     first = {round(h, 6) for h in heights}

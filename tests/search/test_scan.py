@@ -3,6 +3,7 @@
 import math
 
 import casadi as ca
+import mpmath as mp
 import numpy as np
 import pytest
 
@@ -43,11 +44,16 @@ def test_a_free_start_is_scanned_from_the_fixed_end():
 
 
 def test_two_zeros_closer_than_the_samples_are_found():
-    # y'' = -1: y(X) = X v - X^2 (1 + v^2) / 2 with n^2 = 1 - 2 y, a double zero where X = 1
-    reach = math.sqrt(1 - 1e-10)
-    near = end_map(lambda x, y, dy: ca.sqrt(1 - 2 * y) * ca.sqrt(1 + dy**2), vc.Fixed(0, 0), vc.Fixed(reach, 0))
+    # y'' = -k e^y between zeros: t = sqrt(2 k) cosh(t / 4) and y'(0) = t tanh(t / 4), a double zero at the greatest k
+    with mp.workdps(40):
+        fold = mp.findroot(lambda u: u * mp.tanh(u) - 1, 1.2)
+        strength = float(8 * (fold / mp.cosh(fold)) ** 2 * (1 - mp.mpf("1e-10")))
+        sides = (3.9 * fold, 4 * fold), (4 * fold, 4.1 * fold)
+        roots = [mp.findroot(lambda t: t - mp.sqrt(2 * strength) * mp.cosh(t / 4), side, "anderson") for side in sides]
+        exact = [float(t * mp.tanh(t / 4)) for t in roots]
+    assert 0 < exact[1] - exact[0] < 2e-4
+    near = end_map(lambda x, y, dy: dy**2 / 2 - strength * ca.exp(y), vc.Fixed(0, 0), vc.Fixed(1, 0))
     slopes = [near.unit * math.sinh(u) for u in scan(near).zeros]
-    exact = [(1 + sign * 1e-5) / reach for sign in (-1, 1)]
     assert slopes == pytest.approx(exact, abs=1e-8)
 
 

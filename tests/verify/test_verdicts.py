@@ -226,16 +226,6 @@ def test_what_cannot_be_verified_is_refused():
         vc.verify(nowhere)
 
 
-def test_newtons_body_keeps_its_flat_nose():
-    # where the slope is at its bound L_y'y' = -4 x is negative, and no variation can make use of it
-    drag = vc.Problem(
-        lambda x, y, dy: 2 * x / (1 + dy**2), vc.Fixed(0, 1), vc.Fixed(1, 0), [vc.Bound(lambda x, y, dy: dy, upper=0)]
-    )
-    check = vc.verify(vc.solve(drag))
-    assert check.verdict is vc.Verdict.MINIMUM
-    assert check.legendre > 0
-
-
 def test_a_bang_bang_arc_of_a_convex_problem_is_a_minimum():
     steep = [vc.Bound(lambda x, y, dy: dy, lower=-1, upper=1)]
     check = vc.verify(vc.solve(vc.Problem(lambda x, y, dy: -y, vc.Fixed(0, 0), vc.Fixed(1, 0), steep)))

@@ -297,7 +297,7 @@ def test_no_ray_goes_beyond_a_place_where_the_index_is_nothing():
         return 2 * mp.quad(along, [0, 0.02, 0.1, 0.3, 1], method="gauss-legendre")
 
     with mp.workdps(25):
-        for number in range(1, 6):
+        for number in (1, 3, 5):
             ray = rays[2 * number]
             c = mp.findroot(lambda c, k=number: k * crossed(c, lambda n: c) - mp.mpf("0.4"), 0.012 / number**2)
             path = number * crossed(c, lambda n: n * n)
