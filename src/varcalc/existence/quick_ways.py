@@ -16,9 +16,9 @@ from varcalc.existence.landscape import Landscape
 from varcalc.existence.polygons import FINEST_RULE, OWN_LINE, Lattice, Valley, at_ends, values_of
 from varcalc.numerics.mesh import composite_gauss, gauss
 
-PLACES = 10
+STRETCHES = 10
 """Pieces of the interval at whose ends a quick way is looked for."""
-HALVINGS = np.arange(26)
+HALVED = np.arange(26)
 """Of such a piece, down to the shortest way."""
 CHANGE, STEEP = 0.05, 0.3
 """Share of all of a polygon's change that is none, and of the steepest slope that is steep."""
@@ -45,7 +45,7 @@ def quick_ways(across: Lattice, ordinates: Callable[[np.ndarray], np.ndarray]) -
     landscape, (a, b) = across.landscape, across.landscape.span
     if len(across.rests) == 0 or landscape.closed:
         return None
-    x = np.union1d(np.linspace(a, b, PLACES + 1), landscape.waypoints)
+    x = np.union1d(np.linspace(a, b, STRETCHES + 1), landscape.waypoints)
     c, steps = ordinates(x), np.diff(x)
     own = values_of(landscape, 0.5 * (x[1:] + x[:-1]), 0.5 * (c[1:] + c[:-1]), np.diff(c) / steps) * steps
     at_rest = values_of(landscape, 0.5 * (x[1:] + x[:-1]), across.rests[:, None], np.zeros(1)) * steps
@@ -68,7 +68,7 @@ def _straight_ways(across: Lattice, x: np.ndarray, c: np.ndarray) -> tuple[np.nd
     """Lengths (h,) of straight ways from the curve to each rest, and what they cost on average (rests, h)."""
     shares, weights = gauss(FINEST_RULE)
     shares = 0.5 * (1 + shares)
-    lengths = (x[-1] - x[0]) / PLACES * 0.5**HALVINGS
+    lengths = (x[-1] - x[0]) / STRETCHES * 0.5**HALVED
     rise = (across.rests[:, None] - c)[:, None, :, None]
     y = c[:, None] + shares * rise
     values = values_of(across.landscape, x[:, None], y, rise / lengths[:, None, None])
@@ -82,7 +82,7 @@ def settled(landscape: Landscape, valley: Valley) -> Valley:
     kept = np.concatenate([[True], way[1:] | way[:-1], [True]])
     x, y = valley.x[kept], valley.y[kept]
     rises = np.abs(np.diff(y))
-    room, step = (x[-1] - x[0]) / PLACES, float(np.ptp(y)) * CHANGE
+    room, step = (x[-1] - x[0]) / STRETCHES, float(np.ptp(y)) * CHANGE
     for _ in range(TIMES_CLOSER):
         for k in np.flatnonzero(rises > step).tolist():
             moved = np.repeat(x[None], SHIFTS * len(LONGER), axis=0)
