@@ -31,7 +31,7 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.symbolic.derived import answered, derived
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.verify.slopes import concave_beside, vouched
+from varcalc.verify.slopes import concave_beside, jumps_of_slope, vouched
 
 RELAXED_PIECES = (32, 64)
 """Polygons on which the relaxed problem is solved; the difference tells their error."""
@@ -48,6 +48,8 @@ VALUE_ROUND_OFF = 1e-13
 """Of a value of L, relatively."""
 EVENED = 0.25, 0.5, 0.25
 """Weights by which what is rough is evened out: a lattice has few slopes, and neighbouring pieces the most unlike."""
+NEXT_TO_JUMP = 0.05
+"""Difference from a slope at which L jumps, in units of all slopes, that is made by rounding the jump off."""
 SURE = 10.0
 """Factor of the relaxed value's own error by which a curve must miss it for the infimum not to be attained."""
 
@@ -67,11 +69,34 @@ def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution
     alternating = any(last - first >= ALTERNATING and fine.mixed[first] for first, last in _runs(fine))
     if not alternating or _lowest_known(failure, best) * sign <= sign * fine.value + doubt:
         return failure
+    if _on_jumps(problem, fine):
+        held = (
+            "L jumps as the slope changes, and the least curve may keep the slope of a jump, which no method here holds"
+        )
+        return replace(failure, message="; ".join(filter(None, [failure.message, held])))
     message = (
         f"the infimum is not attained: finer and finer corners, alternating between two slopes on "
         f"{fine.mixed.mean():.0%} of the interval, bring the functional to {fine.value:.6g}, and no curve reaches it"
     )
     return refused(failure, Finding(Verdict.NOT_ATTAINED, message))
+
+
+def _on_jumps(problem: Problem, found: Relaxed) -> bool:
+    """Whether slopes of a relaxed polygon lie next to one at which L jumps, and is as low as on either side of it."""
+    jumps = jumps_of_slope(problem)
+    if not jumps:
+        return False
+    x, y = 0.5 * (found.x[1:] + found.x[:-1]), 0.5 * (found.y[1:] + found.y[:-1])
+    unit = NEXT_TO_JUMP * np.maximum(1.0, np.ptp(found.slopes))
+    for slopes in found.slopes:
+        for jump in jumps:
+            near = jump.near(problem, x, y[None], slopes[None], 0, problem.unknown_guesses[None])
+            for at, *sides in zip(near[::3], near[1::3], near[2::3], strict=True):
+                own, *others = (problem.sign * problem.integrand_values(x, y[None], v[None]) for v in (at, *sides))
+                room = ABOVE_CHORD * np.abs(own)
+                if ((np.abs(at - slopes) <= unit) & (own <= np.minimum(*others) + room) & found.mixed).any():
+                    return True
+    return False
 
 
 def lower_with_corners(best: Solution, tol: float, near: Relaxed | None = None) -> Solution | None:

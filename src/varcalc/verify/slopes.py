@@ -35,6 +35,8 @@ SLOPE_HELD = 1e-6
 """Relative distance from a bound within which it is touched."""
 EXCESS_AT_CORNERS = 1e-6
 """The same where L is not convex: at a corner there is a slope of no excess, but for the error of the curve's own."""
+STEPS_ONTO_JUMP, BESIDE_JUMP = 4, 1e-9
+"""Newton's steps to slopes at which L jumps, and how far on either side of these slopes are tried, relative to them."""
 STEPS_TO_LEAST_EXCESS = 4
 """Newton's steps to the slopes whose excess is least, where L is not convex in them."""
 CORNER_JUMP = 1e-3
@@ -181,6 +183,8 @@ def _seen(solution: Solution) -> bool:
     problem = solution.problem
     if not isinstance(problem, Problem) or problem.constraints or (along := _evaluated(solution)) is None:
         return False
+    if jumps_of_slope(problem):
+        return False
     if problem.end_cost is not None:  # what is asked of the momentum there may bend the curve beside an end alone
         return False
     points = (along.x, np.atleast_2d(along.y), np.atleast_2d(along.dy))
@@ -226,6 +230,8 @@ class SlopeFan:
         self.y, self.v = solution.curve(x, 0), solution.curve(x, 1)
         turns = slope_turns(self.v) if turns is None else turns
         self.tried = self.v[:, :, None] + turns * np.maximum(1.0, np.abs(self.v))[:, :, None]
+        if (jumps := self._at_jumps()) is not None:  # on either side, so that the curve's own stay in the middle
+            self.tried = np.concatenate([jumps, self.tried, jumps], axis=2)
         self.values, self.slopes, self.curvature, self.allowed = self._evaluate()
 
     @classmethod
@@ -240,6 +246,21 @@ class SlopeFan:
             if np.isfinite(own.values).all() and np.all(own.curvature >= 0.0):
                 return own
         return cls(solution, x)
+
+    def _at_jumps(self) -> np.ndarray | None:
+        """Slopes at which L jumps and next to them, on either side; None where it jumps at none.
+
+        A jump is as narrow as can be: between slopes that are tried L may be lower on one alone.
+        """
+        problem = self.solution.problem
+        if not (found := jumps_of_slope(problem)):
+            return None
+        unknowns = np.array([list(self.solution.unknowns.values())])
+        out: list[np.ndarray] = []
+        for a in range(len(self.v)):
+            slopes = [slope for jump in found for slope in jump.near(problem, self.x, self.y, self.v, a, unknowns)]
+            out.append(np.array([np.where(np.isfinite(slope), slope, self.v[a]) for slope in slopes]).T)
+        return np.array(out)
 
     def _evaluate(self) -> tuple[np.ndarray, ...]:
         """The Lagrangian function (minimised), its slope and curvature in the component tried, and what is allowed."""
@@ -314,6 +335,54 @@ class SlopeFan:
         return bool(fallen.any())
 
 
+@dataclass(frozen=True)
+class JumpOfSlope:
+    """A place at which L jumps as the slope changes: ``values`` are its argument and that one's rates."""
+
+    values: PointEvaluator
+    levels: tuple[float, ...]
+    stepped: bool
+
+    def near(
+        self, problem: Functional, x: np.ndarray, y: np.ndarray, v: np.ndarray, a: int, unknowns: np.ndarray
+    ) -> list[np.ndarray]:
+        """Slopes (m,) of the function ``a`` at each level, and just below and above it, from x (m,), y and v (n, m).
+
+        Those that are no numbers are none. Of what is stepped the nearest levels are told.
+        """
+
+        def rows(slopes: np.ndarray) -> np.ndarray:
+            blank = np.zeros((1, 0))
+            return self.values(len(x), x[:, None], y.T, slopes, blank, problem.parameter_values[None], unknowns)
+
+        below = np.floor(rows(v.T)[:, 0])
+        found: list[np.ndarray] = []
+        for level in [below + k for k in (-1, 0, 1, 2)] if self.stepped else self.levels:
+            slopes = v.T.copy()
+            with np.errstate(all="ignore"):
+                for _ in range(STEPS_ONTO_JUMP):
+                    here = rows(slopes)
+                    slopes[:, a] -= (here[:, 0] - level) / here[:, 1 + a]
+            at = slopes[:, a]
+            found += [at, *(at + way * BESIDE_JUMP * np.maximum(1.0, np.abs(at)) for way in (-1, 1))]
+        return found
+
+
+@derived
+def jumps_of_slope(problem: Functional) -> tuple[JumpOfSlope, ...]:
+    """The jumps of what is stated that depend on the slope of a graph of first order."""
+    s = problem.symbols
+    if not (isinstance(problem, Problem) and problem.order == 1):
+        return ()
+    found: list[JumpOfSlope] = []
+    for switch in on_curve(problem):
+        if switch.jumps and switch.depends_on(s.dy):
+            rows = ca.densify(ca.vertcat(switch.argument, ca.gradient(switch.argument, s.dy)))
+            function = PointEvaluator(ca.Function("jump", s.all, [rows]))
+            found.append(JumpOfSlope(function, switch.levels, switch.stepped))
+    return tuple(found)
+
+
 @derived
 def _in_the_slopes(problem: Problem) -> PointEvaluator:
     """L with its first and second derivatives in each component of the slope."""
@@ -354,7 +423,7 @@ def _functions(problem: Functional) -> _Functions:
         rows += [expression, slope, ca.jtimes(slope, s.dy, direction)]
     function = ca.Function("slopes", [*s.all, direction], [ca.densify(ca.vertcat(*rows))])
     curved = ca.depends_on(ca.vertcat(*rows[2::3]), s.dy) or _level_has_kink(problem, levels)
-    return _Functions(PointEvaluator(function), quadratic=not curved)
+    return _Functions(PointEvaluator(function), quadratic=not (curved or jumps_of_slope(problem)))
 
 
 def _level_has_kink(problem: Functional, levels: list[Expression]) -> bool:
