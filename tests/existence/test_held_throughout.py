@@ -244,3 +244,14 @@ def test_a_closed_curve_on_a_kink_keeps_a_bound_of_its_slope():
 
     limit = vc.Bound(lambda x, y, v: v + 0.7 * y, upper=1.9)
     assert abs(vc.solve(vc.Problem(lagrangian, vc.Periodic(0, 2), vc.Periodic(0, 2), [limit])).value - 8) < 1e-9
+
+
+@pytest.mark.parametrize(("place", "end"), [(lambda x: x**2, 1.0), (ca.sin, 1.5), (lambda x: x, 2.0), (ca.exp, 1.0)])
+def test_a_curve_that_a_moving_kink_holds_all_along_is_verified(place, end):
+    """Along y = p(x) with p'' between -5 and 5 the kink of 5 |y - p| holds the curve; L is convex."""
+    first, last = (float(ca.DM(place(ca.DM(x)))) for x in (0.0, end))
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + 5 * ca.fabs(y - place(x)), vc.Fixed(0, first), vc.Fixed(end, last))
+    solution = vc.solve(problem)
+    assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
+    x = np.linspace(0, end, 7)
+    assert solution.y(x) == pytest.approx(np.asarray(ca.DM(place(ca.DM(x)))).ravel(), abs=1e-12)

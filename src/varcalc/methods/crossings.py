@@ -19,12 +19,14 @@ from varcalc.problem.reading import names, text
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import in_columns
-from varcalc.symbolic.switches import Switch
+from varcalc.symbolic.switches import Switch, units
 
 AN_ELEMENT = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 16) / 16)
 """Places in an element at which the switches are looked at, besides its ends."""
 ARGUMENT_ROUND_OFF = 1e-11
 """Size of a switch's argument, in units of its own along the curve, that counts as zero."""
+MAY_CANCEL = 1e-8
+"""Size of an argument, in units of the curve's, below which it may be round-off of what cancels all along."""
 MADE_OUT = 1e-9
 """Distance, relative to the interval, within which a crossing is at a vertex that the mesh was given for it."""
 MOST_LEVELS = 64
@@ -83,11 +85,11 @@ def crossings(
     nodes: np.ndarray,
     unknowns: np.ndarray,
     small: float = ARGUMENT_ROUND_OFF,
-    units: np.ndarray | None = None,
+    sizes: np.ndarray | None = None,
 ) -> list[Crossing]:
     """All crossings of a curve, seen at points of the elements between ``nodes``, in their order along it.
 
-    An argument so ``small``, in ``units`` (by switch; else its size along the curve), counts as zero.
+    An argument so ``small``, in ``sizes`` (by switch; else its own along the curve), counts as zero.
     """
     switched = on_curve(problem)
     if not switched:
@@ -100,7 +102,7 @@ def crossings(
 
     found: list[Crossing] = []
     for k, (switch, values) in enumerate(zip(switched, arguments(x), strict=True)):
-        size = max(float(np.nanmax(np.abs(values), initial=0.0)), 1e-300) if units is None else float(units[k])
+        size = _size(problem, switch, values, curve, x, unknowns) if sizes is None else float(sizes[k])
         for end, at_end in ((problem.start, 0), (problem.end, -1)):
             # what is asked at a free end is asked on the switch itself
             if np.isnan(end.values(problem.n)).any() and not end.periodic and abs(values[at_end]) <= small * size:
@@ -112,6 +114,20 @@ def crossings(
         ends = not problem.start.periodic
         found += _of_one(switch, x, values, signs, small * size, lambda at, k=k: arguments(at)[k], ends=ends)
     return sorted(found, key=lambda c: c.x)
+
+
+def _size(
+    problem: Functional, switch: Switch, values: np.ndarray, curve: Callable[[np.ndarray, int], np.ndarray],
+    x: np.ndarray, unknowns: np.ndarray,
+) -> float:  # fmt: skip
+    """How large an argument is along a curve, by its ``values`` at x (m,); where these are round-off, its terms."""
+    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    points = [[x], list(curve(x, 0)), list(curve(x, 1)), list(curve(x, 2)) if problem.order == 2 else []]
+    scale = max(float(np.abs(row).max()) for rows in points for row in rows)
+    if largest < MAY_CANCEL * scale:
+        numbers = [[np.array(v) for v in row] for row in (problem.parameter_values, unknowns)]
+        largest = max(largest, units([switch.argument], problem.symbols.all, [*points, *numbers])[0][0])
+    return max(largest, 1e-300)
 
 
 @derived
