@@ -22,13 +22,13 @@ def action(x, y, v):
     return v**2 / 2 + wells(y)
 
 
-def through_the_deeper_well(lagrangian, height):
+def through_the_deeper_well(lagrangian, height, length=LENGTH):
     """The least value among curves that go from 1 to the deeper well, rest there, and come to ``height`` at the end."""
-    x = (np.arange(20_000) + 0.5) * LENGTH / 20_000
+    x = (np.arange(20_000) + 0.5) * length / 20_000
 
     def value(width):
-        first, last = 2 * np.exp(-x / width), (height + 1) * np.exp((x - LENGTH) / width)
-        return lagrangian(x, first + last - 1, (last - first) / width, (first + last) / width**2).mean() * LENGTH
+        first, last = 2 * np.exp(-x / width), (height + 1) * np.exp((x - length) / width)
+        return lagrangian(x, first + last - 1, (last - first) / width, (first + last) / width**2).mean() * length
 
     return min(map(value, np.geomspace(0.2, 2, 20)))
 
@@ -97,13 +97,15 @@ def test_waypoints_hold_several_functions_and_each_finds_its_well():
     assert not found.local
 
 
-def test_each_of_a_dozen_functions_finds_its_well():
+@pytest.mark.parametrize(("count", "length"), [(9, 12.0), (10, 16.0)])
+def test_each_of_many_functions_finds_its_well(count, length):
+    """So short a way that one alone would rather stay with the others: together all go over."""
     chain = vc.Problem(
-        lambda x, y, v: ca.sumsqr(v) / 2 + sum(wells(y[k]) for k in range(12)) + ca.sumsqr(y[1:] - y[:-1]) / 10,
-        vc.Fixed(0, [1] * 12), vc.Fixed(LENGTH, [1] * 12),
+        lambda x, y, v: ca.sumsqr(v) / 2 + sum(wells(y[k]) for k in range(count)) + ca.sumsqr(y[1:] - y[:-1]) / 10,
+        vc.Fixed(0, [1] * count), vc.Fixed(length, [1] * count),
     )  # fmt: skip
     found = vc.solve(chain)
-    assert found.value < 12 * through_the_deeper_well(lambda x, y, v, w: action(x, y, v), 1)
+    assert found.value < count * through_the_deeper_well(lambda x, y, v, w: action(x, y, v), 1, length)
     assert not found.local
 
 

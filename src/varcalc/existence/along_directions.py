@@ -20,8 +20,8 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 
-MOST_DIRECTIONS = 9
-"""Directions that are looked along: all of three functions, of many more the axes alone."""
+MOST_DIRECTIONS, BESIDE_AXES = 10, 3
+"""Directions that are looked along: all of three functions, of many more the axes and a few besides."""
 
 
 class AlongDirection:
@@ -117,7 +117,11 @@ def along_directions(departures: Departures) -> Iterator[AlongDirection]:
 
 
 def _shares(count: int) -> np.ndarray:
-    """The axes, then sums and differences of two, as many as are looked along, in shares of ``count`` axes."""
+    """The axes, their sum, then sums and differences of two, as many as are looked along, in shares of ``count`` axes.
+
+    What is coupled comes into another valley together, or hardly.
+    """
     axes = np.eye(count)
+    together = [np.ones(count)] if count > 2 else []
     mixed = [a + sign * b for a, b in combinations(axes, 2) for sign in (1.0, -1.0)]
-    return np.array([*axes, *mixed])[: max(MOST_DIRECTIONS, count)]
+    return np.array([*axes, *together, *mixed])[: max(MOST_DIRECTIONS, count + BESIDE_AXES)]
