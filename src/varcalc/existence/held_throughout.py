@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import count as counted
 from typing import NamedTuple
 
 import casadi as ca
@@ -62,6 +63,8 @@ LEVELS_APART = 8
 NOT_PRESSED = np.zeros((2, 2))
 """Of a curve that no bound holds."""
 FOLLOWED_TOLERANCE, ORDINATE_ROUND_OFF = 1e-13, 1e-15
+MOST_ASKED = 2000
+"""Points of a path along which a switch is zero at which slopes are asked for; a smooth one takes some hundreds."""
 
 
 class HeldMomentum(NamedTuple):
@@ -308,6 +311,10 @@ def on_level(problem: Problem, switch: Switch, curve: Curve) -> Curve:
     return along
 
 
+class _CreepingError(Exception):
+    """A path along which slopes jump from one to another, as where a switch is zero at two: steps come to nothing."""
+
+
 def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
     """The curve from an end along which a switch is zero, its slopes by Newton's method from those of another.
 
@@ -318,25 +325,35 @@ def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
     s, backward = problem.symbols, problem.end.fixed and not problem.start.fixed
     given, span = (problem.end, problem.span[::-1]) if backward else (problem.start, problem.span)
     newton = s.dy - switch.argument / ca.gradient(switch.argument, s.dy)
-    step = ca.Function("step", [s.x, s.y, s.dy, s.parameters], [newton])
+    step, found = ca.Function("step", [s.x, s.y, s.dy, s.parameters], [newton]), s.dy
+    for _ in range(STEPS_ONTO_KINK):
+        found = step(s.x, s.y, found, s.parameters)
+    onto = ca.Function("onto", [s.x, s.y, s.dy, s.parameters], [found])
 
     def slopes(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """The slopes (1, m) with which the switch is zero at the points ``x`` and ``y``."""
         numbers = np.tile(problem.parameter_values[:, None], (1, len(x)))
-        v = curve(x, 1)
-        for _ in range(STEPS_ONTO_KINK):
-            v = np.asarray(step(x[None], y, v, numbers))
-        return v
+        return np.asarray(onto(x[None], y, curve(x, 1), numbers))
 
     first, unit = given.values(1), height(formulate(problem))
     if not given.fixed:
         first = curve(np.array(span[:1]), 0)[:, 0]
     if not np.isfinite(slopes(np.array(span[:1]), first[:, None])).all():
         return None  # SciPy would choose no first step, and try it for ever
-    path = solve_ivp(
-        lambda x, y: slopes(np.array([x]), y[:, None])[:, 0], span, first, "DOP853",
-        dense_output=True, rtol=FOLLOWED_TOLERANCE, atol=FOLLOWED_TOLERANCE * unit,
-    )  # fmt: skip
+    asked = counted()
+
+    def rates(x: float, y: np.ndarray) -> np.ndarray:
+        """The slope at one point."""
+        if next(asked) > MOST_ASKED:
+            raise _CreepingError
+        return slopes(np.array([x]), y[:, None])[:, 0]
+
+    try:
+        path = solve_ivp(
+            rates, span, first, "DOP853", dense_output=True, rtol=FOLLOWED_TOLERANCE, atol=FOLLOWED_TOLERANCE * unit
+        )
+    except _CreepingError:
+        return None
     if not (path.success and np.isfinite(path.y).all()):
         return None
     return resampled(lambda x, k: slopes(x, path.sol(x)) if k else path.sol(x), problem.span, 2)
