@@ -112,3 +112,16 @@ def test_an_operation_without_a_rule_encloses_everything():
     function = ca.Function("f", [X], [ca.erfinv(X)])
     ((least, greatest),) = enclosures(function, [[(np.zeros(1), np.ones(1))]])[0]
     assert (least, greatest) == (-np.inf, np.inf)
+
+
+def test_a_choice_is_enclosed_by_its_branches_and_no_sum_of_them():
+    inner = ca.if_else(X > 0.2, Y, 3)
+    for expression, low, high in (
+        (ca.if_else(X > 0.5, 1.5, 1), 1, 1.5),
+        (ca.if_else(ca.logic_and(X > 0.25, X < 0.75), -2, -1), -2, -1),
+        (ca.if_else(X > 0.5, inner, 5) * 2, 2, 10),
+    ):
+        ((found,),) = enclosures(ca.Function("f", [X, Y], [expression]), [[(0.0, 1.0)], [(1.0, 2.0)]])
+        assert tuple(map(float, found)) == (low, high)
+    ((sure,),) = enclosures(ca.Function("f", [X, Y], [inner]), [[(0.3, 1.0)], [(1.0, 2.0)]])
+    assert tuple(map(float, sure)) == (1, 2)

@@ -39,7 +39,58 @@ def constant(value: float) -> Interval:
 
 
 def applied(operation: int, operands: Sequence[Interval]) -> Interval:
-    """An enclosure of an operation, given by CasADi's code, on enclosures of its operands."""
+    """An enclosure of an operation, given by CasADi's code, on enclosures of its operands.
+
+    CasADi writes a choice as a sum of two branches, one of which is zero: it is one or the other, and no sum.
+    """
+    if operation == ca.OP_ADD and (chosen := _chosen(*operands)) is not None:
+        return chosen
+    low, high = _carried_out(operation, operands)
+    if operation == ca.OP_IF_ELSE_ZERO:
+        return _Branch((low, high), operands)
+    return _Negated((low, high), operands) if operation == ca.OP_NOT else (low, high)
+
+
+class _Made(tuple[np.ndarray, np.ndarray]):
+    """An interval that knows the operands it was made of."""
+
+    operands: Sequence[Interval]
+
+    def __new__(cls, interval: Interval, operands: Sequence[Interval]) -> _Made:  # noqa: PYI034
+        """The interval, with what it was made of."""
+        made = super().__new__(cls, interval)
+        made.operands = operands
+        return made
+
+
+class _Branch(_Made):
+    """What is a value where a condition holds, and zero elsewhere."""
+
+
+class _Negated(_Made):
+    """The opposite of a condition."""
+
+
+def _chosen(a: Interval, b: Interval) -> Interval | None:
+    """The hull of two branches, one of which holds where the other does not; None for no such two."""
+    if not (isinstance(a, _Branch) and isinstance(b, _Branch)):
+        return None
+    (holds, first), (fails, second) = a.operands, b.operands
+    if isinstance(holds, _Negated) and holds.operands[0] is fails:
+        (holds, first), (fails, second) = (fails, second), (holds, first)
+    if not (isinstance(fails, _Negated) and fails.operands[0] is holds):
+        return None
+    low, high = _true(holds)
+    sure, never = low == 1.0, high == 0.0
+    least, most = np.minimum(first[0], second[0]), np.maximum(first[1], second[1])
+    return (
+        np.where(sure, first[0], np.where(never, second[0], least)),
+        np.where(sure, first[1], np.where(never, second[1], most)),
+    )
+
+
+def _carried_out(operation: int, operands: Sequence[Interval]) -> Interval:
+    """The same of an operation by itself."""
     if isinstance(operation, Call):
         found = enclosed(operation.function, *operands[0]) if len(operands) == 1 else None
     else:
