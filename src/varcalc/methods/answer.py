@@ -243,10 +243,26 @@ def sensitivities(extremal: Extremal, count: int) -> np.ndarray:
         )
         first, last = (extremal.evaluate(np.array([t]), 0)[:, 0] for t in form.span)
         total += np.asarray(partial(first, last, form.problem.parameter_values, extremal.unknowns)).ravel()
+    total += _by_moved_surfaces(extremal)
     if not form.problem.end_parameters:
         return form.sign * total
     levels = multipliers(extremal) if form.problem.constraints else ()
     return form.sign * total + by_moved_ends(form.problem, person_curve(extremal), levels, extremal.unknowns)
+
+
+def _by_moved_surfaces(extremal: Extremal) -> np.ndarray | float:
+    """What parameters do by moving the surfaces on which a curve has its corners: the forces there do that work."""
+    form, joint = extremal.form, extremal.form.ends.joint
+    if joint is None or not ca.depends_on(joint.equations, form.symbols.parameters):
+        return 0.0
+    inside = [here for _, _, here in joint.inside]
+    given = [joint.start, joint.end, form.symbols.parameters, form.symbols.unknowns, *inside]
+    moved = ca.Function("moved", given, [ca.densify(ca.jacobian(joint.equations, form.symbols.parameters))])
+    first, last = (extremal.evaluate(np.array([t]), 0)[:, 0] for t in form.span)
+    width = form.span[1] - form.span[0]
+    held = [extremal.evaluate(np.array([at]), k)[:, 0] * width**k for at, k, _ in joint.inside]
+    rates = np.asarray(moved(first, last, form.problem.parameter_values, extremal.unknowns, *held))
+    return extremal.forces @ rates
 
 
 def lift(form: Form, arguments: list[np.ndarray]) -> list[np.ndarray]:

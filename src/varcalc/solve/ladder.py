@@ -34,7 +34,7 @@ from varcalc.problem.breaks import breakable, kinks_at_ends, on_curve, switches_
 from varcalc.problem.conditions import Bound, Isoperimetric, truth
 from varcalc.problem.convexity import proved_jointly_convex, proved_least, proved_quadratic
 from varcalc.problem.functional import Functional
-from varcalc.problem.problem import Problem
+from varcalc.problem.problem import Curve, Problem
 from varcalc.progress import Interrupted, Progress, telling
 from varcalc.solution import (
     WORTHLESS_ERROR,
@@ -137,6 +137,12 @@ def solve(
 def _found(problem: Functional, method: Method | None, tol: float, guess: Guess, told: Told) -> Solution:
     """The answer of a method or of the ladder, examined; a status that says why where there is none."""
     told("whether there is an answer")
+    if isinstance(problem, Curve) and on_curve(problem) and isinstance(method or LADDER[0], Ritz):
+        from varcalc.existence.by_energy import by_energy  # few curves meet what switches
+
+        known = by_energy(problem, lambda energy: _found(energy, method, tol, guess, told))
+        if known is not None:
+            return known
     solution = _hopeless(problem, method or LADDER[0]) or _without_room(problem, method or LADDER[0])
     if solution is not None and solution.verdict is Verdict.INFEASIBLE:
         return solution

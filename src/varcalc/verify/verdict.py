@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from varcalc.extensions import offered
+from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Finding, Solution, Verdict
 from varcalc.verify.candidate import candidate
 from varcalc.verify.check import CHECKS_GROUP, Check
@@ -35,6 +38,8 @@ CHECKS = (
 
 def verified(solution: Solution) -> Verification:
     """What every check finds of a solution that holds a curve."""
+    if (energy := _by_energy(solution)) is not None:
+        return _of_curve(verified(energy), solution.problem.name)
     curve, asked = candidate(solution), (*CHECKS, *_offered(tuple(sys.path)))
     with np.errstate(all="ignore"):  # what is no number at a singular end is left out where it arises
         evidence = {check.name: curve.measured(check) for check in asked}
@@ -61,6 +66,28 @@ def verified(solution: Solution) -> Verification:
         unit=solution.problem.abscissa.unit,
         evidence=evidence,
     )
+
+
+def _by_energy(solution: Solution) -> Solution | None:
+    """The solution of a curve's energy, where that was found for it; None for others."""
+    extremal = solution.extremal
+    if extremal is None or not isinstance(solution.problem, Curve) or not isinstance(extremal.form.problem, Problem):
+        return None
+    error = replace(solution.error, value=2 * abs(solution.value) * solution.error.value)
+    return replace(solution, problem=extremal.form.problem, value=solution.value**2, error=error)
+
+
+def _of_curve(energy: Verification, name: str) -> Verification:
+    """What is found of a curve's energy, told of the curve: the bound is that of its functional."""
+    bound = math.sqrt(energy.bound)
+    told = Finding(
+        None, "what is told is that of the square of the functional, which a curve of constant speed makes least"
+    )
+    value = Finding(
+        None, f"the functional is {bound:.15g} on this curve, an upper bound of the minimum", {"bound": bound}
+    )
+    findings = (value if "bound" in (f.numbers or {}) else f for f in energy.findings)
+    return replace(energy, name=name, bound=bound, findings=(told, *findings))
 
 
 @lru_cache(maxsize=1)

@@ -1,0 +1,91 @@
+"""Curves in space through kinks and jumps, against Snell's law over the place at which they go through."""
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import varcalc as vc
+
+
+def through(normal, level, start, end, index):
+    """The least optical path across a plane, 1 before it and ``index`` behind it: least over the point in the plane."""
+    normal = np.array(normal, dtype=float)
+    base = level * normal / (normal @ normal)
+    along = np.linalg.svd(normal[None])[2][1:]
+
+    def path(share):
+        at = base + share @ along
+        return np.linalg.norm(at - start) + index * np.linalg.norm(end - at)
+
+    found = minimize(path, np.zeros(len(along)), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-15})
+    return found.fun, base + found.x @ along
+
+
+@pytest.mark.parametrize(
+    ("normal", "level", "end"), [((0, 1), 0.4, (1, 1.2)), ((1, 2), 1.5, (1, 1)), ((1, 1, 1), 1.0, (1, 0.2, 1.1))]
+)
+def test_a_curve_is_refracted_where_it_goes_through_a_plane(normal, level, end):
+    start, weights = np.zeros(len(normal)), ca.DM(normal)
+    exact, at = through(normal, level, start, np.array(end), 1.5)
+
+    def optical(q, dq):
+        return ca.if_else(ca.dot(weights, q) > level, 1.5, 1.0) * ca.norm_2(dq)
+
+    for ends in ((tuple(start), end), (end, tuple(start))):
+        solution = vc.solve(vc.Curve(optical, *map(vc.At, ends)))
+        assert solution.value == pytest.approx(exact, rel=1e-13)
+        assert solution.curve(np.array([solution.x[1]]), 0)[:, 0] == pytest.approx(at, abs=1e-6)
+        assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
+
+
+def test_a_curve_is_bent_by_a_kink_of_the_index_as_a_graph_is():
+    """n = 1 + |y - 1/2|, of which the graph is broken at the kink as well."""
+    solution = vc.solve(
+        vc.Curve(lambda q, dq: (1 + ca.fabs(q[1] - 0.5)) * ca.norm_2(dq), vc.At((0, 0)), vc.At((1, 1.2)))
+    )
+    # on either side a layer linear in y: a catenary cosh in x, with n sin(angle) = c the same on both
+    c = math.nan
+    across = lambda c: sum(c * math.acosh((1 + rise) / c) - c * math.acosh(1 / c) for rise in (0.5, 0.7))  # noqa: E731
+    low, high = 1e-6, 1.0
+    for _ in range(200):
+        c = 0.5 * (low + high)
+        low, high = (c, high) if across(c) < 1 else (low, c)
+
+    def taken(rise):
+        """int n² dy/sqrt(n² - c²) over a layer in which n rises from 1."""
+        return 0.5 * sum(
+            sign * (n * math.sqrt(n**2 - c**2) + c**2 * math.acosh(n / c)) for sign, n in ((1, 1 + rise), (-1, 1.0))
+        )
+
+    assert solution.value == pytest.approx(taken(0.5) + taken(0.7), rel=1e-11)
+
+
+def test_what_a_curve_is_not_broken_at_is_named():
+    dense = vc.Curve(
+        lambda q, dq: ca.if_else((q[0] - 0.5) ** 2 + (q[1] - 0.6) ** 2 < 0.04, 1.5, 1.0) * ca.norm_2(dq),
+        vc.At((0, 0)), vc.At((1, 1.2)),
+    )  # fmt: skip
+    assert "a jump (<) where (x - 1/2)^2 + (y - 3/5)^2 - 1/25 = 0" in vc.solve(dense, throw=False).message
+
+
+@pytest.mark.parametrize("curve", [True, False])
+def test_what_moving_the_plane_does_is_the_jump_of_the_normal_momentum(curve):
+    start, end, index, level = np.zeros(2), np.array([1.0, 1.2]), 1.5, 0.4
+    _, at = through((0, 1), level, start, end, index)
+    exact = at[1] / np.linalg.norm(at) - index * (end - at)[1] / np.linalg.norm(end - at)
+    if curve:
+        problem = vc.Curve(
+            lambda q, dq, p: ca.if_else(q[1] > p.level, p.n, 1.0) * ca.norm_2(dq), vc.At((0, 0)), vc.At((1, 1.2)),
+            parameters={"level": level, "n": index},
+        )  # fmt: skip
+    else:
+        problem = vc.Problem(
+            lambda x, y, v, p: ca.if_else(y > p.level, p.n, 1.0) * ca.sqrt(1 + v**2), vc.Fixed(0, 0), vc.Fixed(1, 1.2),
+            parameters={"level": level, "n": index},
+        )  # fmt: skip
+    rates = vc.solve(problem).sensitivities
+    assert rates["level"] == pytest.approx(exact, abs=1e-7)
+    assert rates["n"] == pytest.approx(np.linalg.norm(end - at), abs=1e-7)
