@@ -89,3 +89,15 @@ def test_what_moving_the_plane_does_is_the_jump_of_the_normal_momentum(curve):
     rates = vc.solve(problem).sensitivities
     assert rates["level"] == pytest.approx(exact, abs=1e-7)
     assert rates["n"] == pytest.approx(np.linalg.norm(end - at), abs=1e-7)
+
+
+def test_a_lower_graph_over_the_chord_is_told_of():
+    """Where floor(2 y) is negative enough longer paths lower the functional: the curve between is a local one."""
+    stairs = vc.Curve(lambda q, dq: (1.5 + ca.floor(2 * q[1])) * ca.norm_2(dq), vc.At((0, 0.1)), vc.At((1, 0.9)))
+    assert vc.solve(stairs, throw=False).local
+
+
+def test_a_curve_through_a_jump_may_be_begun_from_another():
+    layered = vc.Curve(lambda q, dq: ca.if_else(q[1] > 0.4, 1.5, 1.0) * ca.norm_2(dq), vc.At((0, 0)), vc.At((1, 1.2)))
+    first = vc.solve(layered)
+    assert vc.solve(layered, guess=first).value == pytest.approx(first.value, rel=1e-12)

@@ -140,7 +140,10 @@ def _found(problem: Functional, method: Method | None, tol: float, guess: Guess,
     if isinstance(problem, Curve) and on_curve(problem) and isinstance(method or LADDER[0], Ritz):
         from varcalc.existence.by_energy import by_energy  # few curves meet what switches
 
-        known = by_energy(problem, lambda energy: _found(energy, method, tol, guess, told))
+        def solved(given: Problem, start: Sampled | None = None) -> Solution:
+            return _found(given, method, tol, guess if start is None else start, told)
+
+        known = by_energy(problem, solved, guided=guess is not None)
         if known is not None:
             return known
     solution = _hopeless(problem, method or LADDER[0]) or _without_room(problem, method or LADDER[0])
