@@ -25,7 +25,7 @@ from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import ErrorEstimate, Solution
 from varcalc.symbolic.tracing import Expression
 
-SAME_VALUE, SPEED_PLACES = 1e-9, 2001
+AS_LOW, SPEED_PLACES = 1e-9, 2001
 """Relative difference of two values that is one, and places by which the speed along a graph is told."""
 
 
@@ -70,7 +70,7 @@ def _as_low(found: Solution, graph: Solution) -> bool:
     if not found.status.ok or not found.value > 0.0:
         return False
     value = math.sqrt(found.value)
-    return value <= graph.value + graph.error.value + 0.5 * found.error.value / value + SAME_VALUE * value
+    return value <= graph.value + graph.error.value + 0.5 * found.error.value / value + AS_LOW * value
 
 
 def _of_curve(problem: Curve, found: Solution) -> Solution:
