@@ -99,7 +99,8 @@ def settled(landscape: Landscape, valley: Valley) -> Valley:
             if np.isfinite(sums).any():
                 x = moved[int(np.nanargmin(np.where(np.isfinite(sums), sums, np.inf)))]
         room /= 0.5 * SHIFTS
-    return replace(valley, x=x, y=y, value=float(_summed(landscape, x[None], y)[0]))
+    value, apart = float(_summed(landscape, x[None], y)[0]), np.append(True, np.diff(x) > 0)
+    return replace(valley, x=x[apart], y=y[apart], value=value)
 
 
 def _summed(landscape: Landscape, x: np.ndarray, y: np.ndarray) -> np.ndarray:
