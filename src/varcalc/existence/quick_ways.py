@@ -124,7 +124,7 @@ def mesh_for(x: np.ndarray, y: np.ndarray) -> tuple[float, ...]:
     slopes = np.abs(np.diff(y[np.argmax(np.ptp(y, axis=1))]) / np.diff(x))
     steep = np.flatnonzero(slopes > STEEP * slopes.max())
     found = set(np.linspace(a, b, MARKS + 1)[1:-1].tolist())
-    for run in np.split(steep, 1 + np.flatnonzero(np.diff(steep) > 1)):
+    for run in np.split(steep, 1 + np.flatnonzero(np.diff(steep) > 1)) if len(steep) else ():
         first, last = float(x[run[0]]), float(x[run[-1] + 1])
         away = (last - first) * np.append(0.0, COARSER ** np.arange(MOST_COARSER) / COARSER)
         found |= {*(first - away).tolist(), *(last + away).tolist(), 0.5 * (first + last)}
