@@ -146,7 +146,7 @@ def test_a_kink_or_a_jump_off_the_curve_is_no_second_degree(lagrangian):
 
 
 def test_a_kink_in_the_slope_off_the_curve_limits_the_slopes():
-    problem = vc.Problem(lambda x, y, v: v**2 / 2 + y**4 - 9 * ca.sign(ca.fabs(v) - 2), vc.Fixed(0, 0), vc.Fixed(1, 1))
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 + y**4 + 9 * ca.sign(ca.fabs(v) - 2), vc.Fixed(0, 0), vc.Fixed(1, 1))
     certificate = vc.certify(vc.solve(problem, vc.Collocation(), guess=lambda x: x))
     assert certificate.scope is vc.certificates.Scope.WEAK
     assert certificate.slopes < 1.1

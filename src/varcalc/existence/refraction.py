@@ -348,6 +348,7 @@ def with_what_switches(failure: Solution) -> Solution:
     switch = next((s for s in on_curve(problem) if not s.smooth), None)
     if (
         switch is None
+        or failure.status.ok
         or isinstance(failure.method, Ritz)
         or failure.verdict is not None
         or NOT_SMOOTH_THERE in failure.message
