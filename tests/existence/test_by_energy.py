@@ -104,3 +104,17 @@ def test_a_curve_through_a_jump_may_be_begun_from_another():
     )
     first = vc.solve(layered)
     assert vc.solve(layered, guess=first).value == pytest.approx(first.value, rel=1e-12)
+
+
+def test_a_curve_that_meets_nothing_keeps_its_own_coordinates_and_certificate():
+    clear = vc.Curve(lambda q, dq: (2 + ca.fmax(q[1], -1)) * ca.norm_2(dq), vc.At((0, 0)), vc.At((1, 0.5)))
+    solution = vc.solve(clear)
+    certificate = vc.certify(solution)
+    assert certificate.lower <= solution.value + 1e-14
+    assert certificate.upper >= solution.value - 1e-14
+
+
+def test_what_was_found_by_its_energy_is_not_certified_with_the_square_of_its_value():
+    bent = vc.Curve(lambda q, dq: (1 + ca.fabs(q[1] - 0.5)) * ca.norm_2(dq), vc.At((0, 0)), vc.At((1, 1.2)))
+    with pytest.raises(vc.VariationalError, match="by its energy"):
+        vc.certify(vc.solve(bent))

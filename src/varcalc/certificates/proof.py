@@ -26,6 +26,7 @@ from varcalc.certificates.setting import Setting, as_graph, setting_along
 from varcalc.certificates.shifts import pinned
 from varcalc.certificates.smooth import Undecided
 from varcalc.formulation.singular import forms, number_of
+from varcalc.methods.answer import of_energy
 from varcalc.methods.collocation.method import Collocation
 from varcalc.problem.conditions import Bound, Isoperimetric, whole
 from varcalc.problem.exact import exactly
@@ -120,6 +121,10 @@ def certify(solution: Solution, *, digits: int | None = None, progress: Progress
     flint()
     if not solution.status.ok:
         raise VariationalError(solution)
+    if of_energy(solution):
+        raise _refusal(
+            solution, "the curve was found by its energy, the square of the functional: certify that problem"
+        )
     certificate = _timed(solution, progress)
     size = max(abs(certificate.lower), abs(certificate.upper))
     if digits is not None and not certificate.width <= 10.0**-digits * size:

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Sampled, formulate
-from varcalc.methods.crossings import described
+from varcalc.methods.crossings import described, met_by
 from varcalc.numerics.resampled import resampled
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.conditions import Fixed
@@ -40,12 +40,15 @@ class Solved(Protocol):
 def by_energy(problem: Functional, solved: Solved, *, guided: bool) -> Solution | None:
     """The least curve between two points that meets what switches in its place, by the problem in its parameter.
 
-    None for what is no such problem. Of two functions few valleys are looked at: in the plane the graph over the chord,
-    of which many are, may show a lower one. Who is ``guided`` asks for the curve near a guess.
+    None for what is no such problem, and where its curve meets nothing. Of two functions few valleys are looked at: in
+    the plane the graph over the chord, of which many are, may show a lower one. Who is ``guided`` asks for the curve
+    near a guess.
     """
     if not (isinstance(problem, Curve) and _meets_switches(problem)):
         return None
     found = solved(_energy(problem))
+    if found.status.ok and all(c.switch.smooth for c in met_by(found)):
+        return None  # it is smooth, and has coordinates of its own
     chord = np.subtract(problem.end.values(problem.n), problem.start.values(problem.n))
     graph = solved(_over_chord(problem, chord)) if problem.n == 2 and chord.any() and not guided else None
     if graph is None or not graph.status.ok:

@@ -18,7 +18,7 @@ from varcalc.numerics.mesh import SpaceCurve, composite_gauss
 from varcalc.numerics.resampled import Resampled, SentResampled, resampled
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
-from varcalc.problem.problem import Problem
+from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, defined, no_answer
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import in_columns
@@ -248,6 +248,12 @@ def sensitivities(extremal: Extremal, count: int) -> np.ndarray:
         return form.sign * total
     levels = multipliers(extremal) if form.problem.constraints else ()
     return form.sign * total + by_moved_ends(form.problem, person_curve(extremal), levels, extremal.unknowns)
+
+
+def of_energy(solution: Solution) -> bool:
+    """Whether a curve in space was found by the problem of its energy, the square of its functional."""
+    extremal = solution.extremal
+    return extremal is not None and isinstance(solution.problem, Curve) and isinstance(extremal.form.problem, Problem)
 
 
 def _by_moved_surfaces(extremal: Extremal) -> np.ndarray | float:

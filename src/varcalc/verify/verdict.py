@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.extensions import offered
-from varcalc.problem.problem import Curve, Problem
+from varcalc.methods.answer import of_energy
 from varcalc.solution import Finding, Solution, Verdict
 from varcalc.verify.candidate import candidate
 from varcalc.verify.check import CHECKS_GROUP, Check
@@ -71,7 +71,7 @@ def verified(solution: Solution) -> Verification:
 def _by_energy(solution: Solution) -> Solution | None:
     """The solution of a curve's energy, where that was found for it; None for others."""
     extremal = solution.extremal
-    if extremal is None or not isinstance(solution.problem, Curve) or not isinstance(extremal.form.problem, Problem):
+    if extremal is None or not of_energy(solution):
         return None
     error = replace(solution.error, value=2 * abs(solution.value) * solution.error.value)
     return replace(solution, problem=extremal.form.problem, value=solution.value**2, error=error)
