@@ -71,6 +71,7 @@ FAMILIES = {
     "torn": Family("films beyond their fold", curves.torn),
     "descents": Family("descents with a guard", curves.guarded_descents, shifted=False),
     "corners": Family("non-convex slopes under a load", slopes.loaded_corners),
+    "sectors": Family("slopes at which L jumps", slopes.sectors),
     "zigzags": Family("non-convex slopes alone", slopes.zigzags),
     "Bolza": Family("Bolza's example", slopes.bolza),
     "bumps": Family("strings over narrow bumps", obstacles.bumps),

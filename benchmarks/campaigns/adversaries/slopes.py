@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -53,6 +54,64 @@ def loaded_corners(random: np.random.Generator) -> Statement:
     x, weights = pieces(0.0, T, [], 2000)
     value = dual(conjugate, slope, rise, x, weights, c * x, steepest) - c * T * rise
     L: Integrand = lambda x, y, v: phi(v) - c * y  # noqa: E731
+    return Statement(L, (0.0, 0.0), (T, rise), Least(value, within=1e-8, verdicts=OF_SMOOTH_CURVES))
+
+
+class _Parabola(NamedTuple):
+    """a (v - m)^2 / 2 + k on a sector of the slope."""
+
+    low: float
+    high: float
+    a: float
+    m: float
+    k: float
+
+    def __call__(self, v: Any) -> Any:
+        return self.a * (v - self.m) ** 2 / 2 + self.k
+
+    def best(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The slope of the sector at which s v less this is greatest, and that; (m,) each."""
+        v = np.clip(self.m + s / self.a, self.low, self.high)
+        return v, s * v - self(v)
+
+
+def _sectors(random: np.random.Generator, count: int) -> list[_Parabola]:
+    """Parabolas on sectors whose edges are a fifth apart or more; half of them are the first one, higher or lower."""
+    edges = [-math.inf, *np.cumsum(random.uniform(0.2, 1.2, count - 1)) - random.uniform(0, 2), math.inf]
+    a, m = random.uniform(0.5, 2), random.uniform(-0.5, 0.5)
+    found = []
+    for low, high in pairwise(edges):
+        other = random.uniform() < 0.5
+        own = (random.uniform(0.5, 3), random.uniform(-1, 1)) if other else (a, m)
+        found.append(_Parabola(low, high, *own, random.uniform(-0.5, 1)))
+    return found
+
+
+def sectors(random: np.random.Generator) -> Statement:
+    """Parabolas in the slope that jump between sectors, less c y: curves keep slopes of jumps, with corners between.
+
+    At a jump L has the lower of its values, which the least curve may need. The conjugate is the greatest of those of
+    the sectors; at a jump of its slope the least curve has a corner.
+    """
+    T, c = random.uniform(0.5, 2), random.uniform(0.3, 3) * random.choice([-1, 1])
+    rise = random.uniform(-1.5, 1.5) * T
+    sectors = _sectors(random, int(random.integers(2, 5)))
+
+    def best(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        slopes, values = np.array([sector.best(s) for sector in sectors]).transpose(1, 0, 2)
+        first = np.argmax(values, axis=0)[None]
+        return np.take_along_axis(slopes, first, 0)[0], np.take_along_axis(values, first, 0)[0]
+
+    def L(x: Any, y: Any, v: Any) -> Any:
+        branch = sectors[0](v)
+        for before, after in pairwise(sectors):
+            at_edge = before(after.low) <= after(after.low)
+            branch = ca.if_else(v <= after.low if at_edge else v < after.low, branch, after(v))
+        return branch - c * y
+
+    x, weights = pieces(0.0, T, [], 2000)
+    reach = 40.0 + abs(c) * T
+    value = dual(lambda s: best(s)[1], lambda s: best(s)[0], rise, x, weights, c * x, reach) - c * T * rise
     return Statement(L, (0.0, 0.0), (T, rise), Least(value, within=1e-8, verdicts=OF_SMOOTH_CURVES))
 
 

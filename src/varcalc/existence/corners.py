@@ -19,10 +19,12 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.closer_meshes import on_closer_meshes
-from varcalc.existence.directions import CurveOrSlope, polygonal
+from varcalc.existence.directions import polygonal
 from varcalc.existence.levelled_polygons import Alternating
 from varcalc.existence.relaxation import MIXED, Relaxed, applies, relaxed
+from varcalc.existence.slope_sectors import slope_sectors
 from varcalc.formulation import broken_form, formulate
+from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.method import Ritz
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.conditions import Isoperimetric
@@ -31,7 +33,7 @@ from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.symbolic.derived import answered, derived
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.verify.slopes import concave_beside, jumps_of_slope, vouched
+from varcalc.verify.slopes import concave_beside, jumps_of_slope, places, vouched
 
 RELAXED_PIECES = (32, 64)
 """Polygons on which the relaxed problem is solved; the difference tells their error."""
@@ -50,6 +52,10 @@ EVENED = 0.25, 0.5, 0.25
 """Weights by which what is rough is evened out: a lattice has few slopes, and neighbouring pieces the most unlike."""
 NEXT_TO_JUMP = 0.05
 """Difference from a slope at which L jumps, in units of all slopes, that is made by rounding the jump off."""
+PLACES_FOR_SLOPES = 129
+"""Places of a curve at which it is seen whether it keeps a slope at which L jumps."""
+BESIDE_LEVEL = 1e-12
+"""Distance from a slope at which L jumps, relative to that or 1, at which a curve keeps it."""
 SURE = 10.0
 """Factor of the relaxed value's own error by which a curve must miss it for the infimum not to be attained."""
 
@@ -64,16 +70,15 @@ def with_corners(problem: Functional, tol: float, failure: Solution) -> Solution
     sign, doubt = problem.sign, SURE * abs(coarse.value - fine.value) + (tol * max(1.0, abs(fine.value)))
     reached = best is not None and sign * (best.value - fine.value) <= doubt
     if reached and best is not None:
-        return best
+        return best if (slope := _not_taken(best)) is None else refused(best, _beside_slope(best, slope))
     # a piece or two that are mixed between others that are not hold a corner, which no finer polygon makes more of
     alternating = any(last - first >= ALTERNATING and fine.mixed[first] for first, last in _runs(fine))
     if not alternating or _lowest_known(failure, best) * sign <= sign * fine.value + doubt:
         return failure
     if _on_jumps(problem, fine):
-        held = (
-            "L jumps as the slope changes, and the least curve may keep the slope of a jump, which no method here holds"
-        )
-        return replace(failure, message="; ".join(filter(None, [failure.message, held])))
+        held = "L jumps as the slope changes, and of curves that keep the slope of a jump none was found to be least"
+        known = filter(None, [failure.message.removesuffix(held).removesuffix("; "), held])
+        return replace(failure, message="; ".join(known))
     message = (
         f"the infimum is not attained: finer and finer corners, alternating between two slopes on "
         f"{fine.mixed.mean():.0%} of the interval, bring the functional to {fine.value:.6g}, and no curve reaches it"
@@ -119,14 +124,41 @@ def _lower_of(
     if coarse is None or fine is None:
         return None
     sign = best.problem.sign
+    kind = "maximum" if sign < 0 else "minimum"
     known = sign * best.value - best.error.value
     if found is not None and sign * found.value < known - found.error.value - tol * max(1.0, abs(found.value)):
-        return found
+        if (slope := _not_taken(found)) is None:
+            return found
+        return replace(best, local=True, message=f"a local {kind} only: {_beside_slope(found, slope).sentence}")
     if not sign * fine.value < known - SURE * abs(coarse.value - fine.value) - tol * max(1.0, abs(fine.value)):
         return None
-    kind = "maximum" if sign < 0 else "minimum"
     message = f"a local {kind} only: finer and finer corners bring the functional to {fine.value:.6g}"
     return replace(best, local=True, message=message)
+
+
+def _not_taken(found: Solution) -> float | None:
+    """The slope that a curve keeps just beside which L is lower than at it; None where it keeps none."""
+    problem, curve = found.problem, found.curve
+    assert isinstance(problem, Problem)
+    assert curve is not None
+    sectors = slope_sectors(problem)
+    if not sectors.levels:
+        return None
+    x = places(found, PLACES_FOR_SLOPES)
+    for at, y, slope in zip(x.tolist(), curve(x, 0)[0].tolist(), curve(x, 1)[0].tolist(), strict=True):
+        level = sectors.at(slope)
+        if level is not None and sectors.open_at(problem, level, at, y):
+            return level.slope
+    return None
+
+
+def _beside_slope(found: Solution, slope: float) -> Finding:
+    """That an infimum is come near to by slopes alone that come near to one."""
+    sentence = (
+        f"the infimum is not attained: L jumps at the slope {slope:.6g} and is lower just beside it than at it, and "
+        f"curves whose slopes come to that bring the functional to {found.value:.6g}, which none of them has"
+    )
+    return Finding(Verdict.NOT_ATTAINED, sentence, {"limit": found.value, "slope": slope})
 
 
 def bent(problem: Functional, failure: Solution) -> bool:
@@ -159,7 +191,9 @@ def alternating_about(best: Solution, near: Alternating) -> Relaxed:
     y = best.curve(near.x, 0)[0] + away
     mean = np.diff(y) / np.diff(near.x)
     halves = np.full((2, len(mean)), 0.5)
-    return Relaxed(near.value, near.x, y, np.array([mean - spreads, mean + spreads]), halves, np.zeros(0))
+    return Relaxed(
+        near.value, near.x, y, np.array([mean - spreads, mean + spreads]), halves, np.zeros(0), np.zeros(len(mean))
+    )
 
 
 def _sought(
@@ -291,9 +325,7 @@ def _from_teeth(problem: Functional, teeth: _Teeth, tol: float, found: Relaxed) 
     marks = np.array([teeth.x[k] for k in _jumps(problem, found, teeth)])
     heights = found.y[0] + np.concatenate([[0.0], np.cumsum(teeth.slopes * np.diff(teeth.x))])
     way = Ritz(starts=1)
-    solution = (
-        _through_switches(problem, way, tol, polygonal(teeth.x, heights[None]), marks) if on_curve(problem) else None
-    )
+    solution = _through_switches(problem, way, tol, teeth, heights, marks) if on_curve(problem) else None
     if solution is None:
 
         def along(x: np.ndarray) -> np.ndarray:
@@ -308,16 +340,38 @@ def _from_teeth(problem: Functional, teeth: _Teeth, tol: float, found: Relaxed) 
 
 
 def _through_switches(
-    problem: Problem, method: Ritz, tol: float, polygon: CurveOrSlope, marks: np.ndarray
+    problem: Problem, method: Ritz, tol: float, teeth: _Teeth, heights: np.ndarray, marks: np.ndarray
 ) -> Solution | None:
-    """The answer with corners near ``marks`` that is broken where the polygon meets what switches; None for none."""
+    """The answer with corners near ``marks`` that is broken where the polygon meets what switches; None for none.
+
+    Sides at a slope where L has a kink, or jumps, keep that slope.
+    """
     from varcalc.existence.in_pieces import breaking, settled  # few curves come to this
     from varcalc.methods.crossings import crossings
 
+    levels = [level.switch for level in slope_sectors(problem).levels]
+    kept = _kept_slopes(problem, teeth, heights)
+    polygon = polygonal(teeth.x, heights[None])
     nodes = np.union1d(marks, np.linspace(*problem.span, 1 + RELAXED_PIECES[-1]))
-    found = breaking(problem, crossings(problem, polygon, nodes, problem.unknown_guesses))
-    found = [c for c in found if not c.switch.smooth]
+    met = breaking(problem, crossings(problem, polygon, nodes, problem.unknown_guesses))
+    placed = [c for c in met if not c.switch.smooth and not any(c.switch is level for level in levels)]
+    found = sorted([*placed, *kept], key=lambda c: c.x)
     return settled(problem, method, tol, polygon, found, marks.tolist()) if found else None
+
+
+def _kept_slopes(problem: Problem, teeth: _Teeth, heights: np.ndarray) -> list[Crossing]:
+    """The stretches along which a polygon keeps the slope of a level, just beside that where L is lower."""
+    sectors, kept = slope_sectors(problem), []
+    at = [sectors.at(slope) for slope in teeth.slopes.tolist()]
+    starts = [k for k in range(len(at)) if k == 0 or at[k] is not at[k - 1]]
+    for start, end in pairwise([*starts, len(at)]):
+        if (level := at[start]) is not None:
+            first, last = float(teeth.x[start]), float(teeth.x[end])
+            middle = 0.5 * (first + last)
+            side = sectors.lower_side(problem, level, middle, float(np.interp(middle, teeth.x, heights)))
+            beside = level.slope + side * BESIDE_LEVEL * max(1.0, abs(level.slope))
+            kept.append(Crossing(level.switch, first, level.argument(problem, beside), last))
+    return kept
 
 
 def _lowest_known(failure: Solution, best: Solution | None) -> float:

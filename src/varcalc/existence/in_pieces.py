@@ -9,12 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from varcalc.existence.above_kinks import as_held
+from varcalc.existence.beside_jumps import (
+    SAME_PLACE,
+    aside,
+    bent_anew,
+    go_through,
+    keeping_slopes,
+    number_of,
+    pieces_of,
+)
 from varcalc.existence.held_throughout import Curve
 from varcalc.existence.rounded import ordinates_of
 from varcalc.formulation import Refraction, Ride, broken_form, formulate
@@ -54,13 +62,6 @@ VANISHED = 1.5
 """Of the least length that a piece may have: one that is no longer has vanished."""
 TIMES_PUT_TOGETHER = 6
 """Times that pieces are put together anew."""
-BESIDE_JUMP, FURTHER_ASIDE = 1e-3, 10.0
-"""Distance from a jump, in units of what counts as on it, at which a curve runs that would run along it; and by what
-factor it grows where the curve strays across all the same."""
-PLACES_OF_PIECE = 33
-"""Places of a piece at which it is seen whether it runs along a jump."""
-SAME_PLACE = 1e-9
-"""Share of the interval by which two crossings at one place may differ."""
 MOST = 40
 """Crossings of one curve that are treated."""
 
@@ -84,20 +85,24 @@ def settled(
             return None
         rides = any(c.until is not None for c in found)
         seen = breaking(problem, met_by(solution, FOLLOWED_TO if rides else ARGUMENT_ROUND_OFF))
-        if not as_held(problem, solution):
-            aside = _aside(problem, curve, found, solution)
-            if not alike(problem, aside, found):
+        pieces = pieces_of(problem, found, bent, np.sort(corners(solution)))
+        through = go_through(problem, pieces, seen)
+        if not through and not as_held(problem, solution):
+            moved = aside(problem, curve, found, solution, pieces)
+            if not alike(problem, moved, found):
                 on_jump = solution.value if on_jump is None else on_jump
-                found = aside
+                found = moved
                 continue
             if not unmet(problem, seen, corners(solution)):
                 return None
-        elif not unmet(problem, seen, corners(solution)):
+        elif not through and not unmet(problem, seen, corners(solution)):
             freed = _let_go(solution, seen)
             if freed is None:
                 return _off_by(solution, on_jump)
             (curve, found), on_jump = freed, None
             continue
+        seen = keeping_slopes(problem, curve, solution, pieces, seen)
+        bent = bent_anew(problem, bent, pieces, seen)
         curve, found, on_jump = solution.curve, seen, None
     return None
 
@@ -151,7 +156,8 @@ def _let_go(solution: Solution, seen: list[Crossing]) -> tuple[Curve, list[Cross
     curve = solution.curve
     assert curve is not None
     for k, ride in enumerate(seen):
-        release = released(solution, ride)
+        # a jump holds whatever comes to it from the lower side
+        release = None if ride.switch.jumps else released(solution, ride)
         if release is None:
             continue
 
@@ -166,7 +172,7 @@ def _parted(problem: Functional, bent: Curve, ride: Crossing, release: Release) 
     """What is left of a ride before and after it is let go; crossings where no more is, to another side."""
     assert ride.until is not None
     least = NEAR_ENDS * (problem.span[1] - problem.span[0])
-    number = next(i for i, switch in enumerate(on_curve(problem)) if switch is ride.switch)
+    number = number_of(problem, ride)
     between, *beside = (
         float(arguments_along(problem, bent, np.array([x]), problem.unknown_guesses)[number, 0]) - ride.level
         for x in (0.5 * (release.start + release.end), ride.x - least, ride.until + least)
@@ -192,31 +198,6 @@ def _lasting(solution: Solution, found: list[Crossing]) -> list[Crossing]:
     """The crossings but those along which no stretch is left: the pieces would be shorter if they could."""
     middles = _vanished(solution)
     return [c for c in found if c.until is None or not np.any((middles > c.x) & (middles < c.until))]
-
-
-def _aside(problem: Problem, curve: Curve, found: list[Crossing], solution: Solution) -> list[Crossing]:
-    """The crossings, those of a jump along which the solution runs moved to the side on which ``curve`` runs.
-
-    On the jump itself round-off decides which side's L a curve is held against.
-    """
-    assert solution.curve is not None
-    edges, began = np.sort(corners(solution)), np.array([problem.span[0], *(c.x for c in found), problem.span[1]])
-    if len(edges) != len(began):
-        return found
-    switches, numbers = [switch.argument for switch in on_curve(problem)], problem.unknown_guesses
-    ways = [np.linspace(a, b, PLACES_OF_PIECE) for a, b in pairwise(edges)]
-    along = [arguments_along(problem, solution.curve, way, numbers) for way in ways]
-    middles = arguments_along(problem, curve, 0.5 * (began[1:] + began[:-1]), numbers)
-    moved = list(found)
-    for k, c in enumerate(found):
-        number = next(i for i, argument in enumerate(switches) if argument is c.switch.argument)
-        small = ARGUMENT_ROUND_OFF * max(float(np.abs(piece[number]).max()) for piece in along)
-        for piece in (k, k + 1):
-            if c.switch.jumps and np.abs(along[piece][number] - c.level).max() <= small:
-                jump = round(c.level)
-                away = max(BESIDE_JUMP * small, FURTHER_ASIDE * abs(c.level - jump))
-                moved[k] = replace(c, level=jump + away * float(np.sign(middles[number, piece] - jump)))
-    return moved
 
 
 def _broken_in_valley(
@@ -250,7 +231,7 @@ def _broken_at(
     if any(_throughout(problem, c) or _chattering(problem, c) for c in found):
         return None
     # what is met at an end itself leaves nothing to be broken
-    pieces = [_piece(problem, c) for c in found if c.until is not None or c.x not in problem.span]
+    pieces = [_piece(problem, c, bent) for c in found if c.until is not None or c.x not in problem.span]
     if _at_knots(problem, pieces):
         return None
     drawn = any(isinstance(piece, Ride) and piece.drawn(problem) for piece in pieces)
@@ -300,8 +281,8 @@ def _at_knots(problem: Problem, pieces: list[Refraction | Ride]) -> bool:
 
 
 def _throughout(problem: Problem, crossing: Crossing) -> bool:
-    """Whether a curve follows a switch from end to end."""
-    if crossing.until is None:
+    """Whether a curve follows a switch from end to end, but for a slope at which L jumps, which is as good as any."""
+    if crossing.until is None or (crossing.switch.jumps and crossing.switch.depends_on(problem.symbols.highest)):
         return False
     first, last = problem.span
     return crossing.until - crossing.x >= (1 - NEAR_ENDS) * (last - first)
@@ -317,12 +298,13 @@ def _chattering(problem: Problem, crossing: Crossing) -> bool:
     return problem.order > 1 and crossing.until is not None and not crossing.switch.depends_on(slopes)
 
 
-def _piece(problem: Problem, crossing: Crossing) -> Refraction | Ride:
+def _piece(problem: Problem, crossing: Crossing, bent: Sequence[float]) -> Refraction | Ride:
     switch, s = crossing.switch, problem.symbols
     surface = switch.argument - crossing.level
     if crossing.until is not None:
         first, last = problem.span
         near = NEAR_ENDS * (last - first)
         start = first if crossing.x - first < near else crossing.x
-        return Ride(start, last if last - crossing.until < near else crossing.until, surface)
+        end = last if last - crossing.until < near else crossing.until
+        return Ride(start, end, surface, (start in bent, end in bent))
     return Refraction(crossing.x, None if switch.depends_on(s.highest) else surface)

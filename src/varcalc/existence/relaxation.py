@@ -23,13 +23,13 @@ from scipy.optimize import brentq
 from varcalc.existence.directions import end_cost
 from varcalc.existence.relaxed_polygons import least_relaxed
 from varcalc.existence.rounded import points_along, rounded_off
+from varcalc.existence.slope_sectors import by_sector, slope_sectors
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.breaks import breaks, on_curve
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.evaluation import PointEvaluator
-from varcalc.symbolic.tracing import Expression
 
 SPREADS = (0.3, 1.0, 3.0)
 """Half distances of the two slopes at the start, in units of the problem's slope."""
@@ -43,6 +43,8 @@ ROUNDED_OFF = 1e-3
 """How wide what switches is rounded off, in units of its size on the chord."""
 MIXED = 1e-2
 """Share of the lesser slope from which a piece counts as mixed."""
+UNUSED = 1e-6
+"""Share of a slope up to which nothing has it."""
 LEVEL = 1e-3
 """Rise of the chord, relative to its ordinates, that tells nothing of slopes."""
 PIECE_POINTS, POINTS_OVER_JUMPS = 3, 48
@@ -53,7 +55,7 @@ IPOPT_ITERATIONS = 300
 CLOSER, CLOSER_SLOPES = 3, 17
 """How often slopes are tried closer about the ends of chords, and how many."""
 ENVELOPES = 6
-"""How often slopes are taken anew from those at which the envelope touches L, while that leads on."""
+"""How often other slopes enter, while that leads on."""
 FACTORS = 2.0 ** np.arange(-6.0, 7.0)
 """Factors by which two slopes are drawn apart, or together."""
 
@@ -64,7 +66,8 @@ class Relaxed:
 
     ``value`` is the functional (with the person's sign), ``y`` the ordinates,
     ``slopes`` (2, pieces) the slopes of each piece and ``shares`` (2, pieces)
-    the parts of it that have them. One of ``prices`` a level is what it costs, as it is minimised.
+    the parts of it that have them. One of ``prices`` a level is what it costs,
+    as it is minimised, and ``momenta`` (pieces,) are what the slopes do.
     """
 
     value: float
@@ -73,6 +76,7 @@ class Relaxed:
     slopes: np.ndarray
     shares: np.ndarray
     prices: np.ndarray
+    momenta: np.ndarray
 
     @property
     def mixed(self) -> np.ndarray:
@@ -113,9 +117,9 @@ def relaxed(problem: Problem, pieces: int, near: Relaxed | None = None) -> Relax
     values = problem.sign * np.array([f.value for f in reached])
     same = SAME_VALUE * max(1.0, float(np.abs(values).max()))
     best = reached[int(np.argmax(values <= values.min() + same))]
-    # slopes stay in the wells they began in: on the same polygon those that the envelope touches may lead on
+    # slopes stay in the wells they began in, and their sectors: those that are worth more lead on
     for _ in range(ENVELOPES):
-        lower = program.solved(program.between_touched(best.y))
+        lower = program.solved(program.entering(best))
         if lower is None or not problem.sign * lower.value < problem.sign * best.value - same:
             break
         best = lower
@@ -140,7 +144,8 @@ class _RelaxedProgram:
         self.height = self.height if self.height > 1e-12 * (b - a) else b - a
         rise = float(np.ptp(self.line))
         self.steep = (rise if rise > LEVEL * self.height else self.height) / (b - a)
-        self._values = ca.Function("values", problem.symbols.all, [self._integrands(problem.integrand)])
+        self.sectors = slope_sectors(problem)
+        self._values = by_sector(problem, self.sectors.branches)
         self._at_points = PointEvaluator(self._values)
         middle = pieces // 2
         slope = float(np.diff(self.line)[middle] / np.diff(self.x)[middle]) / self.steep
@@ -156,12 +161,14 @@ class _RelaxedProgram:
         count, widths = self.pieces, np.diff(self.x)
         inner, share = ca.MX.sym("ordinates", int(self.free.sum())), ca.MX.sym("shares", count)
         slopes = [ca.MX.sym(name, count) for name in ("steep", "shallow")]
+        sectors = ca.MX.sym("sectors", 2 * count)
         placed = ca.MX(ca.DM(self.line))
         places = np.flatnonzero(self.free)
         for i, k in enumerate(places):
             placed[int(k)] = inner[i] * self.height
         steep = [v * self.steep for v in slopes]
-        totals = self._totals(self._values, placed, share, steep)
+        sides = list(zip((share, 1 - share), steep, ca.vertsplit(sectors, count), strict=True))
+        totals = self._totals(self._values, placed, sides)
         cost, added = end_cost(self.problem), ca.MX(0)
         if cost is not None:
             ends = self.x[0], placed[0], self.x[-1], placed[-1]
@@ -175,14 +182,14 @@ class _RelaxedProgram:
         self._add_bounds(rows, placed, [v * self.steep for v in slopes])
         self._w = ca.vertcat(inner, share, *slopes)
         aim = value = totals[0] + added
-        if on_curve(self.problem):
+        if any(not self.sectors.levels or not s.depends_on(self.problem.symbols.dy) for s in on_curve(self.problem)):
             # IPOPT finds no minimum on a kink, and what it finds between few points may owe its value to a jump
-            aim = self._totals(self._rounded_off(), placed, share, steep)[0] + added
-            value = self._totals(self._values, placed, share, steep, POINTS_OVER_JUMPS)[0] + added
-        held, self._value = ca.vertcat(*rows), ca.Function("J", [self._w], [value])
-        self._told = ca.Function("rows", [self._w], [held])
+            aim = self._totals(self._rounded_off(), placed, sides)[0] + added
+            value = self._totals(self._values, placed, sides, POINTS_OVER_JUMPS)[0] + added
+        held, self._value = ca.vertcat(*rows), ca.Function("J", [self._w, sectors], [value])
+        self._told = ca.Function("rows", [self._w, sectors], [held])
         size = ca.MX.sym("size")
-        self._nlp = {"x": self._w, "p": size, "f": aim / size, "g": held}
+        self._nlp = {"x": self._w, "p": ca.vertcat(size, sectors), "f": aim / size, "g": held}
 
     def _bounded(self, interval: tuple[float, float], count: int) -> None:
         self._lower.append(np.full(count, interval[0]))
@@ -191,27 +198,27 @@ class _RelaxedProgram:
     def _rounded_off(self) -> ca.Function:
         """The same with what switches in L rounded off."""
         points = points_along(self.problem, lambda x: np.interp(x, self.x, self.line)[None])
-        smooth = rounded_off(self.problem, self.problem.integrand, ROUNDED_OFF, points)
-        return ca.Function("rounded_off", self.problem.symbols.all, [self._integrands(smooth)])
-
-    def _integrands(self, integrand: Expression) -> Any:
-        levels = [t.expression for t in self.problem.traced if isinstance(t.constraint, Isoperimetric)]
-        sign = self.problem.sign
-        return ca.densify(ca.vertcat(sign * integrand, *levels))
+        smooth = [
+            (rounded_off(self.problem, integrand, ROUNDED_OFF, points), *levels)
+            for integrand, *levels in self.sectors.branches
+        ]
+        return by_sector(self.problem, smooth)
 
     def _columns(self, count: int) -> list[Any]:
         numbers = self.problem.parameter_values
         return [np.zeros((0, count)), np.tile(numbers[:, None], (1, count)), np.zeros((0, count))]
 
-    def _totals(self, values: ca.Function, y: Any, share: Any, slopes: list[Any], points: int = PIECE_POINTS) -> Any:
-        """The functional and the levels: the integrand for both slopes along the polygon, by their shares."""
+    def _totals(
+        self, values: ca.Function, y: Any, sides: list[tuple[Any, Any, Any]], points: int = PIECE_POINTS
+    ) -> Any:
+        """The functional and the levels along the polygon: ``sides`` are shares, slopes and the sectors of these."""
         mapped, columns = values.map(self.pieces), self._columns(self.pieces)
         nodes, weights = gauss(points)
         widths, total = np.diff(self.x), ca.MX(0)
         for node, weight in zip(0.5 * (1 + nodes), 0.5 * weights, strict=True):
             x, at = (self.x[:-1] + node * widths)[None], (y[:-1] * (1 - node) + y[1:] * node).T
-            for part, slope in ((share, slopes[0]), (1 - share, slopes[1])):
-                total = total + weight * ca.mtimes(mapped(x, at, slope.T, *columns), part * widths)
+            for part, slope, sector in sides:
+                total = total + weight * ca.mtimes(mapped(x, at, slope.T, *columns, sector.T), part * widths)
         return total
 
     def _add_bounds(self, rows: list[Any], y: Any, slopes: list[Any]) -> None:
@@ -263,7 +270,7 @@ class _RelaxedProgram:
             return drawn(1.0)
 
         def missed(factor: float) -> float:
-            return float(self._told(ca.DM(drawn(factor)))[self.pieces]) - levels[0].interval[0]
+            return float(self._of(self._told, drawn(factor))[self.pieces]) - levels[0].interval[0]
 
         sides = np.sign([missed(factor) for factor in FACTORS])
         changes = np.flatnonzero(sides[1:] * sides[:-1] < 0)
@@ -274,7 +281,7 @@ class _RelaxedProgram:
 
     def misses(self, w: np.ndarray) -> float:
         """By how much what is required is missed at most."""
-        held = np.asarray(self._told(ca.DM(w))).ravel()
+        held = self._of(self._told, w)
         low, high = np.concatenate(self._lower), np.concatenate(self._upper)
         return float(np.maximum(low - held, held - high).max(initial=0.0))
 
@@ -292,6 +299,45 @@ class _RelaxedProgram:
         share = np.clip(np.divide(high - slopes, high - low, out=np.full(self.pieces, 0.5), where=apart), 0.0, 1.0)
         return self._start(y, share, low, high)
 
+    def entering(self, known: Relaxed) -> np.ndarray:
+        """The start on a known polygon with the slopes of which L, less what the momenta give for it, is least.
+
+        Each takes the place of the one on its side of the mean slope, as columns enter a linear program: on that slope
+        the momentum's line through the known ones does not lie below L.
+        """
+        mean = np.diff(known.y) / np.diff(known.x)
+        found = [self._worth_most(known, sector) for sector in range(self.sectors.edges.shape[1])]
+        slopes, worth = (np.array(rows) for rows in zip(*found, strict=True))
+        best = np.take_along_axis(slopes, np.argmin(worth, axis=0)[None], axis=0)[0]
+        # a slope that nothing has is none to go on with
+        steep, shallow = np.where(known.mixed, np.sort(known.slopes, axis=0), mean)
+        low = np.minimum(np.where(best <= mean, best, steep), mean)
+        high = np.maximum(np.where(best > mean, best, shallow), mean)
+        share = np.divide(high - mean, high - low, out=np.full(self.pieces, 0.5), where=high > low)
+        return self._start(known.y, share, low / self.steep, high / self.steep)
+
+    def _worth_most(self, known: Relaxed, sector: int) -> tuple[np.ndarray, np.ndarray]:
+        """The slopes of a sector at which L less the momentum is least on each piece, and that; (pieces,) each."""
+        middle, y = (0.5 * (rows[1:] + rows[:-1]) for rows in (known.x, known.y))
+        about = float(np.median(np.diff(known.y) / np.diff(known.x))) / self.steep
+        tried = np.tile(
+            np.unique(np.clip(self.steep * self._tried(about), *self.sectors.edges[:, sector])), (len(y), 1)
+        )
+        prices, none = np.array([1.0, *known.prices]), np.zeros((1, 0))
+        numbers = [none, self.problem.parameter_values[None], none, np.full((1, 1), float(sector))]
+        best = least = np.zeros(len(y))
+        for _ in range(CLOSER + 1):
+            shape = tried.shape
+            points = [np.repeat(rows, shape[1])[:, None] for rows in (middle, y)]
+            summed = self._at_points(tried.size, *points, tried.reshape(-1, 1), *numbers) @ prices
+            worth = summed.reshape(shape) - known.momenta[:, None] * tried
+            worth = np.where(np.isfinite(worth), worth, np.inf)
+            k = np.argmin(worth, axis=1)[:, None]
+            best, least = (np.take_along_axis(rows, k, axis=1)[:, 0] for rows in (tried, worth))
+            low, high = (np.take_along_axis(tried, np.clip(k + s, 0, shape[1] - 1), axis=1) for s in (-1, 1))
+            tried = low + (high - low) * np.linspace(0.0, 1.0, CLOSER_SLOPES)
+        return best, least
+
     def _start(self, y: np.ndarray, share: np.ndarray, steep: np.ndarray, shallow: np.ndarray) -> np.ndarray:
         return np.concatenate([y[self.free] / self.height, share, steep, shallow])
 
@@ -304,9 +350,7 @@ class _RelaxedProgram:
 
     def _chords(self, at: float, ordinate: float, slope: float) -> list[tuple[float, float]]:
         """The slopes, in units of their own, at which chords below L touch it at a place; looked for about one too."""
-        measures = [TRIED_SLOPES, TRIED_SLOPES / self.steep]
-        tried = np.unique(np.concatenate([*measures, *(slope + row for row in measures)]))
-        tried, values = self._finite(at, ordinate, tried)
+        tried, values = self._finite(at, ordinate, self._tried(slope))
         hull = _lower_hull(tried, values)
         for _ in range(CLOSER):
             # a chord ends at the bottom of a well, as near as it is known: L may lie below one that ends beside it
@@ -317,13 +361,39 @@ class _RelaxedProgram:
             hull = _lower_hull(tried, values)
         return [(float(tried[k]), float(tried[j])) for k, j in pairwise(hull) if j - k > 1]
 
+    def _tried(self, slope: float) -> np.ndarray:
+        """Slopes that are tried, in units of their own, about 0 and one; the levels are among them."""
+        levels = np.array([level.slope for level in self.sectors.levels])
+        measures = [TRIED_SLOPES, TRIED_SLOPES / self.steep]
+        return np.unique(np.concatenate([*measures, *(slope + row for row in measures), levels / self.steep]))
+
     def _finite(self, at: float, ordinate: float, tried: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Slopes, in units of their own, at which L is finite at a place, and L there."""
-        place, none = (np.full((1, 1), v) for v in (at, ordinate)), np.zeros((1, 0))
-        numbers = self.problem.parameter_values[None]
-        values = self._at_points(len(tried), *place, self.steep * tried[:, None], none, numbers, none)[:, 0]
+        values = self._lowest(np.full(len(tried), at), np.full(len(tried), ordinate), self.steep * tried)[0]
         finite = np.isfinite(values)
         return tried[finite], values[finite]
+
+    def _lowest(self, x: np.ndarray, y: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """L at m points, the lowest that it comes to beside a level or is at it, and the sector of that; (m,) each."""
+        sectors, none = self.sectors.of(slopes), np.zeros((1, 0))
+        points = [np.tile(rows, 3)[:, None] for rows in (x, y, slopes)]
+        numbers = [none, self.problem.parameter_values[None], none, sectors.reshape(-1, 1).astype(float)]
+        values = self._at_points(3 * len(x), *points, *numbers)[:, 0].reshape(3, -1)
+        best = np.argmin(np.where(np.isfinite(values), values, np.inf), axis=0)
+        return tuple(np.take_along_axis(rows, best[None], axis=0)[0] for rows in (values, sectors))
+
+    def _sectors(self, w: np.ndarray) -> np.ndarray:
+        """The sectors of both slopes of each piece, (2 pieces,): at a level that in which L is lowest."""
+        if not self.sectors.levels:
+            return np.zeros(2 * self.pieces, dtype=int)
+        inner, y = int(self.free.sum()), self.line.copy()
+        y[self.free] = w[:inner] * self.height
+        x, y = (np.tile(0.5 * (rows[1:] + rows[:-1]), 2) for rows in (self.x, y))
+        return self._lowest(x, y, w[inner + self.pieces :] * self.steep)[1]
+
+    def _of(self, function: ca.Function, w: np.ndarray) -> np.ndarray:
+        """A function of the program, at numbers that are not bound to sectors."""
+        return np.asarray(function(w, self._sectors(w))).ravel()
 
     @cached_property
     def _solver(self) -> ca.Function:
@@ -338,34 +408,39 @@ class _RelaxedProgram:
     def solved(self, guess: np.ndarray) -> Relaxed | None:
         """A minimum from a start."""
         count, start = self.pieces, self.line[self.free]
-        size = abs(float(self._value(ca.DM(guess))))
+        size, sectors = abs(float(self._of(self._value, guess)[0])), self._sectors(guess)
         if not np.isfinite(size):
             return None
         room = np.full(len(guess), np.inf)
         low, high = -room, room.copy()
         low[len(start) : len(start) + count], high[len(start) : len(start) + count] = 0.0, 1.0
         levels = {"lbg": np.concatenate(self._lower), "ubg": np.concatenate(self._upper)}
-        result = self._solver(x0=guess, p=size or 1.0, lbx=low, ubx=high, **levels)
+        low[len(start) + count :], high[len(start) + count :] = self.sectors.edges[:, sectors] / self.steep
+        numbers = np.array([size or 1.0, *sectors])
+        result = self._solver(x0=guess, p=numbers, lbx=low, ubx=high, **levels)
         # a share a little below nothing, of a slope far away, makes a value of any size
         found = np.clip(np.asarray(result["x"]).ravel(), low, high)
         # what keeps the conditions is an upper bound, whether or not IPOPT calls it a minimum
-        if not (self.misses(found) <= FEASIBLE and np.isfinite(float(self._value(found)))):
+        if not (self.misses(found) <= FEASIBLE and np.isfinite(self._of(self._value, found)[0])):
             return None
-        rows = np.asarray(result["lam_g"]).ravel()
-        levels = len(list(self.problem.of_type(Isoperimetric)))
-        return self.read(found, rows[self.pieces : self.pieces + levels] * (size or 1.0))
+        return self.read(found, np.asarray(result["lam_g"]).ravel() * (size or 1.0))
 
-    def read(self, w: np.ndarray, prices: np.ndarray | None = None) -> Relaxed:
-        """What numbers stand for; levels of no known price have none."""
+    def read(self, w: np.ndarray, rows: np.ndarray | None = None) -> Relaxed:
+        """What numbers stand for, and the multipliers of the rows; nothing has a price where these are not known."""
         levels = len(list(self.problem.of_type(Isoperimetric)))
-        prices = np.zeros(levels) if prices is None else prices
+        rows = np.zeros(self.pieces + levels) if rows is None else rows
+        prices, momenta = rows[self.pieces :][:levels], -rows[: self.pieces] / (np.diff(self.x) * self.steep)
         inner = int(self.free.sum())
         y = self.line.copy()
         y[self.free] = w[:inner] * self.height
         share, one, other = w[inner:].reshape(3, self.pieces)
         sign = self.problem.sign
-        value = sign * float(self._value(w))
-        return Relaxed(value, self.x, y, np.array([one, other]) * self.steep, np.array([share, 1 - share]), prices)
+        value = sign * float(self._of(self._value, w)[0])
+        # a slope that nothing has may be any
+        one, other = np.where(share > UNUSED, one, other), np.where(share < 1 - UNUSED, other, one)
+        return Relaxed(
+            value, self.x, y, np.array([one, other]) * self.steep, np.array([share, 1 - share]), prices, momenta
+        )
 
 
 def _lower_hull(x: np.ndarray, y: np.ndarray) -> list[int]:

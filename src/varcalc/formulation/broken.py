@@ -40,6 +40,8 @@ from varcalc.symbolic.tracing import Expression
 LENGTH_KEPT = 1e-2
 """Share of its first length that a piece must keep where IPOPT moves its ends."""
 
+STEPS_ONTO_SURFACE = 6
+
 
 @dataclass(frozen=True)
 class Contact:
@@ -70,11 +72,15 @@ class Refraction:
 
 @dataclass(frozen=True)
 class Ride:
-    """A stretch along which the curve stays on a surface where the Lagrangian has a kink: it is zero there."""
+    """A stretch along which the curve stays on a surface where the Lagrangian has a kink: it is zero there.
+
+    At its ends the curve may have corners, ``bent``, where the surface is one of the highest derivative.
+    """
 
     start: float
     end: float
     surface: Expression
+    bent: tuple[bool, bool] = (False, False)
 
     def drawn(self, problem: Problem) -> bool:
         """Whether the surface is one of the highest derivative, to which nothing but the functional draws a curve.
@@ -119,7 +125,7 @@ def broken_form(
         slopes += [(symbols.ddy - slopes[0] * ca.gradient(speed, symbols.x)) / speed**2]
     rewrite = unheld = rewriter(problem, symbols, x, symbols.y, slopes, speed)
     if switched:
-        rewrite = _held_between(problem, symbols, marks, curve, rewrite, loose)
+        rewrite = _held_between(problem, symbols, marks, curve, rewrite, loose, rides)
     integrand = plain.sign * rewrite(problem.integrand, True)
     conditions = replace(conditions_of(problem, rewrite), knots=tuple(s for s, _ in marks[1:-1]))
     if contacts is not None:
@@ -171,7 +177,8 @@ def _along(
     problem: Problem, ride: Ride, surface: Expression, marks: list[tuple[float, Expression]], curve: Sampled
 ) -> Iterator[SideCondition]:
     """That a curve stays on a surface along a stretch, and elsewhere on its side of one to which it is drawn."""
-    yield SideCondition(surface, 0.0, 0.0, -1, (ride.start, ride.end))
+    smoothly = (not ride.bent[0], not ride.bent[1]) if ride.drawn(problem) else (False, False)
+    yield SideCondition(surface, 0.0, 0.0, -1, (ride.start, ride.end), smoothly)
     if ride.drawn(problem):
         for piece, side in _sides(problem, ride, marks, curve):
             yield SideCondition(surface, *((0.0, math.inf) if side > 0 else (-math.inf, 0.0)), -1, piece)
@@ -194,9 +201,16 @@ def _held_between(
     curve: Sampled,
     rewrite: Callable[[Expression, bool], Expression],
     loose: Sequence[Expression],
+    rides: Sequence[Ride],
 ) -> Callable[[Expression, bool], Expression]:
-    """``rewrite``, with what switches left as it is in the middle of the curve's piece, but what is ``loose``."""
-    s, points = problem.symbols, [point for _, point in _points(problem, marks, curve)]
+    """``rewrite``, with what switches left as it is in the middle of the curve's piece, but what is ``loose``.
+
+    Along rides on a surface of the slope that is what the surface gives.
+    """
+    s, points = problem.symbols, []
+    for (first, _), point in _points(problem, marks, curve):
+        on = [r for r in rides if r.start <= first < r.end and r.drawn(problem)]
+        points.append(_onto(problem, on[0].surface, point) if on else point)
 
     def rewritten(expression: Expression, integrated: bool) -> Expression:
         """What the branch of each piece is rewritten to, chosen by where the abscissa is."""
@@ -211,6 +225,17 @@ def _held_between(
         return _chosen([there for there, _ in branches.values()], ca.vertsplit(common))
 
     return rewritten
+
+
+def _onto(problem: Problem, surface: Expression, point: list[np.ndarray]) -> list[np.ndarray]:
+    """A point with the highest derivative by which a surface is zero; as it is where Newton's steps lead nowhere."""
+    s, place = problem.symbols, 1 + problem.order
+    rate = ca.gradient(surface, s.highest)
+    step = ca.Function("step", s.all, [-surface * rate / ca.sumsqr(rate)])
+    found = list(point)
+    for _ in range(STEPS_ONTO_SURFACE):
+        found[place] = found[place] + np.asarray(step(*found)).ravel()
+    return found if np.isfinite(found[place]).all() else point
 
 
 def _with_surfaces(

@@ -36,6 +36,8 @@ class SideCondition:
     """Position of the constraint in ``problem.constraints``."""
     where: tuple[float, float] | None = None
     """The interval of s on which a pathwise condition is asked; None for all of it."""
+    smoothly: tuple[bool, bool] = (False, False)
+    """Whether a curve comes to that interval, and leaves it, with the slope that the condition gives along it."""
 
     @property
     def bounds(self) -> tuple[float, float]:

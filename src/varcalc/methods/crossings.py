@@ -7,7 +7,7 @@ Weierstrass and Erdmann's conditions of refraction. A curve whose mesh does not 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import casadi as ca
@@ -112,7 +112,12 @@ def crossings(
         sure = np.array([0, -1])[np.abs(values[[0, -1]]) > ARGUMENT_ROUND_OFF * size]
         signs[sure] = np.sign(values[sure]) if switch.jumps else signs[sure]
         ends = not problem.start.periodic
-        found += _of_one(switch, x, values, signs, small * size, lambda at, k=k: arguments(at)[k], ends=ends)
+        ridden = not switch.smooth and (not switch.jumps or switch.depends_on(problem.symbols.highest))
+        found += _to_corners(
+            _of_one(switch, x, values, signs, small * size, lambda at, k=k: arguments(at)[k], ends=ends, ridden=ridden),
+            x,
+            nodes,
+        )
     return sorted(found, key=lambda c: c.x)
 
 
@@ -189,9 +194,26 @@ def stretches_beside_jumps(solution: Solution, small: float) -> list[tuple[float
     return found
 
 
+def _to_corners(found: list[Crossing], x: np.ndarray, nodes: np.ndarray) -> list[Crossing]:
+    """The crossings, those that are followed as far as the vertex next to the last place that shows it.
+
+    At a vertex a curve has the slope of one side, which may be another than that which it keeps on the other.
+    """
+    out: list[Crossing] = []
+    for c in found:
+        if c.until is None:
+            out.append(c)
+            continue
+        before, after = x[max(np.searchsorted(x, c.x) - 1, 0)], x[min(np.searchsorted(x, c.until) + 1, len(x) - 1)]
+        beside = [(float(at), end) for at, end in ((before, c.x), (after, c.until))]
+        first, last = (at if at in nodes and end not in nodes else end for at, end in beside)
+        out.append(replace(c, x=first, until=last))
+    return out
+
+
 def _of_one(
     switch: Switch, x: np.ndarray, values: np.ndarray, signs: np.ndarray, small: float,
-    at: Callable[[np.ndarray], np.ndarray], *, ends: bool,
+    at: Callable[[np.ndarray], np.ndarray], *, ends: bool, ridden: bool,
 ) -> list[Crossing]:  # fmt: skip
     """Those of one switch, along a curve that ``ends`` or is closed."""
     side = np.floor(values + small) if switch.stepped else signs
@@ -205,7 +227,7 @@ def _of_one(
         at_one_end = ends and (run[0] > 0) != (run[-1] < len(x) - 1)
         there = max(abs(float(values[run[-1]]) - float(values[run[0]])), LEFT_BEHIND * small)
         across = there if at_one_end else 2 * small
-        if long and not (switch.jumps or switch.smooth) and _lingers(values[run], x[run], across):
+        if long and ridden and _lingers(values[run], x[run], across):
             found.append(Crossing(switch, float(x[run[0]]), until=float(x[run[-1]])))
     known = np.flatnonzero(side != 0.0) if not switch.stepped else np.arange(len(x))
     between: list[tuple[float, float, float]] = []

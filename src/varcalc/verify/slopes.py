@@ -35,8 +35,10 @@ SLOPE_HELD = 1e-6
 """Relative distance from a bound within which it is touched."""
 EXCESS_AT_CORNERS = 1e-6
 """The same where L is not convex: at a corner there is a slope of no excess, but for the error of the curve's own."""
-STEPS_ONTO_JUMP, BESIDE_JUMP = 4, 1e-9
-"""Newton's steps to slopes at which L jumps, and how far on either side of these slopes are tried, relative to them."""
+STEPS_ONTO_SWITCH, BESIDE_JUMP = 4, 1e-9
+"""Newton's steps to slopes at which L switches, and how far on either side of these are tried, relative to them."""
+ALONE_AT_LEVEL = {"sign", "==", "!="}
+"""What may have a value of its own at the very place where it switches."""
 STEPS_TO_LEAST_EXCESS = 4
 """Newton's steps to the slopes whose excess is least, where L is not convex in them."""
 CORNER_JUMP = 1e-3
@@ -301,7 +303,7 @@ class SlopeFan:
     def least(self) -> tuple[float, Worst]:
         """The least excess relative to its terms, and where it is found."""
         here = self.tried.shape[2] // 2
-        linear = (self.tried - self.v[:, :, None]) * self.slopes[:, :, [here]]
+        linear = (self.tried - self.v[:, :, None]) * self._momenta()
         excess, relative = excesses(self.values[:, :, [here]], linear, self.values)
         # where a line touches L twice, as at a corner, all terms may be nothing, but not the hill in between
         hill = np.median(np.where(np.isfinite(excess), np.abs(excess), 0.0), axis=2, keepdims=True)
@@ -310,6 +312,33 @@ class SlopeFan:
         a, k, j = (int(i) for i in np.unravel_index(np.argmin(relative), relative.shape))
         worst = Worst(k, a, float(self.tried[a, k, j]), float(self.v[a, k]), float(excess[a, k, j]))
         return float(relative[a, k, j]), worst
+
+    def _momenta(self) -> np.ndarray:
+        """The momenta (n, places, 1): L_v, or what supports L best at a slope at which that has a kink, or jumps.
+
+        There any slope of a line that L does not come below is one.
+        """
+        here = self.tried.shape[2] // 2
+        own = self.slopes[:, :, [here]]
+        if not (at := self._at_switches()).any():
+            return own
+        step = self.tried - self.v[:, :, None]
+        with np.errstate(all="ignore"):
+            rates = (self.values - self.values[:, :, [here]]) / step
+        far = np.isfinite(rates) & (np.abs(step) > 2 * BESIDE_JUMP * np.maximum(1.0, np.abs(self.v))[:, :, None])
+        least = np.where(far & (step < 0), rates, -np.inf).max(2, keepdims=True)
+        most = np.where(far & (step > 0), rates, np.inf).min(2, keepdims=True)
+        return np.where(at[:, :, None] & (least <= most), np.clip(own, least, most), own)
+
+    def _at_switches(self) -> np.ndarray:
+        """Where the curve's own slope is one at which L has a kink, or jumps; (n, places) of bool."""
+        problem, at = self.solution.problem, np.zeros(self.v.shape, dtype=bool)
+        unknowns = np.array([list(self.solution.unknowns.values())])
+        for switch in switches_of_slope(problem):
+            for a in range(len(self.v)):
+                for slope in switch.near(problem, self.x, self.y, self.v, a, unknowns)[::3]:
+                    at[a] |= np.abs(slope - self.v[a]) <= BESIDE_JUMP * np.maximum(1.0, np.abs(self.v[a]))
+        return at
 
     def legendre_fails(self) -> tuple[int, float] | None:
         """Where L is most concave in a component of the curve's own slope, and its second derivative there."""
@@ -336,12 +365,13 @@ class SlopeFan:
 
 
 @dataclass(frozen=True)
-class JumpOfSlope:
-    """A place at which L jumps as the slope changes: ``values`` are its argument and that one's rates."""
+class SwitchOfSlope:
+    """A place at which L has a kink, or jumps, as the slope changes: ``values`` are its argument and their rates."""
 
     values: PointEvaluator
     levels: tuple[float, ...]
     stepped: bool
+    jumps: bool
 
     def near(
         self, problem: Functional, x: np.ndarray, y: np.ndarray, v: np.ndarray, a: int, unknowns: np.ndarray
@@ -360,7 +390,7 @@ class JumpOfSlope:
         for level in [below + k for k in (-1, 0, 1, 2)] if self.stepped else self.levels:
             slopes = v.T.copy()
             with np.errstate(all="ignore"):
-                for _ in range(STEPS_ONTO_JUMP):
+                for _ in range(STEPS_ONTO_SWITCH):
                     here = rows(slopes)
                     slopes[:, a] -= (here[:, 0] - level) / here[:, 1 + a]
             at = slopes[:, a]
@@ -369,18 +399,25 @@ class JumpOfSlope:
 
 
 @derived
-def jumps_of_slope(problem: Functional) -> tuple[JumpOfSlope, ...]:
-    """The jumps of what is stated that depend on the slope of a graph of first order."""
+def switches_of_slope(problem: Functional) -> tuple[SwitchOfSlope, ...]:
+    """The kinks and jumps of what is stated that depend on the slope of a graph of first order."""
     s = problem.symbols
     if not (isinstance(problem, Problem) and problem.order == 1):
         return ()
-    found: list[JumpOfSlope] = []
+    found: list[SwitchOfSlope] = []
     for switch in on_curve(problem):
-        if switch.jumps and switch.depends_on(s.dy):
+        # both sides of sign(v)² are alike, but not what lies between
+        alone = switch.word in ALONE_AT_LEVEL
+        if (alone or not switch.smooth) and switch.depends_on(s.dy):
             rows = ca.densify(ca.vertcat(switch.argument, ca.gradient(switch.argument, s.dy)))
-            function = PointEvaluator(ca.Function("jump", s.all, [rows]))
-            found.append(JumpOfSlope(function, switch.levels, switch.stepped))
+            function = PointEvaluator(ca.Function("switch", s.all, [rows]))
+            found.append(SwitchOfSlope(function, switch.levels, switch.stepped, alone or switch.jumps))
     return tuple(found)
+
+
+def jumps_of_slope(problem: Functional) -> list[SwitchOfSlope]:
+    """Those of them that jump."""
+    return [switch for switch in switches_of_slope(problem) if switch.jumps]
 
 
 @derived

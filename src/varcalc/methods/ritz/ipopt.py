@@ -396,7 +396,7 @@ class _Pathwise:
                 self._append(kind, condition, inner.kept(np.repeat(elements, len(rule[0]))), size, elements, rule)
             # the end's ordinate decides no slope; ends both given decide one that is asked all along
             corners[0] = condition.equality and not given and elements[0] and not elements.all()
-            if condition.equality and condition.where is not None and condition.index >= 0 and not given:
+            if condition.equality and condition.where is not None and not given:
                 corners &= elements  # what a slope is where it is at its bound says nothing of what it is beside that
             if corners.any() and (condition.equality or given):
                 beside = [_beside(vertices, side) for side in (-1, 1)]
@@ -409,9 +409,8 @@ class _Pathwise:
                     self._append("vertices", condition, points.kept(kept), size, elements)
                 if condition.equality and given > 1:
                     self._append("vertices", _rate(system, condition, 1), vertices.kept(corners), size, elements)
-            if condition.equality and given and condition.where is not None:
-                self._keep_free_ends(condition, size, elements)
-                self._leave_smoothly(_rate(system, condition, given), elements)
+            if condition.equality and condition.where is not None:
+                self._end_stretches(condition, size, elements, given)
             if not condition.equality:
                 self._keep_free_ends(condition, size, elements * bool(given))
                 kept = np.repeat(elements, system.count)
@@ -431,16 +430,22 @@ class _Pathwise:
                 points = CurvePoints.of(system, self.scale, np.array([node])).kept(at)
                 self._append("vertices", condition, points, size, elements)
 
-    def _leave_smoothly(self, rate: SideCondition, elements: np.ndarray) -> None:
+    def _end_stretches(self, condition: SideCondition, size: float, elements: np.ndarray, given: int) -> None:
         """Append that a curve comes to a stretch, and leaves it, with the rate that a condition has along it.
 
         That the functional is stationary in where the stretch ends says the square of it, which is no minimum there but
-        an inflection. Where the ends of stretches are no unknowns, they are moved there.
+        an inflection. Where the ends of stretches are no unknowns, they are moved there. A condition on the slope, of
+        which none is ``given`` at a vertex, says at which ends there is no corner.
         """
+        if given:
+            self._keep_free_ends(condition, size, elements)
         if not self.system.form.coordinates.corners:
             return
+        rate = _rate(self.system, condition, given) if given else condition
+        ends = (True, True) if given else condition.smoothly
         changes, size = np.diff(elements.astype(int)), self.sizes.of_integrand(rate)
-        for node, free in ((1.0, np.append(changes > 0, False)), (-1.0, np.append(False, changes < 0))):
+        coming, leaving = ends[0] & np.append(changes > 0, False), ends[1] & np.append(False, changes < 0)
+        for node, free in ((1.0, coming), (-1.0, leaving)):
             points = CurvePoints.of(self.system, self.scale, np.array([node]))
             self._append("vertices", rate, _beside(points, -int(node)).kept(free), size, elements)
 
