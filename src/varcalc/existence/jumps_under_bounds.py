@@ -18,12 +18,12 @@ import numpy as np
 from varcalc.existence.directions import CurveOrSlope, polygonal
 from varcalc.existence.moved_polygons import GAUSS_SHARES, least_through
 from varcalc.existence.polygons import Graphs, values_of
-from varcalc.existence.polygons_under_bounds import runs
 from varcalc.existence.rests import ASIDE_OF_JUMP, Surfaces, treated
 from varcalc.formulation import Contact, formulate
 from varcalc.formulation.form import SideCondition
 from varcalc.methods.crossings import crossings
 from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import breaks, on_curve
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.evaluation import in_columns

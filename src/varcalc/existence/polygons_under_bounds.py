@@ -18,6 +18,7 @@ import numpy as np
 from varcalc.existence.directions import polygonal
 from varcalc.existence.rests import Surfaces
 from varcalc.formulation import Contact, Form, Sampled
+from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import breaks
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.evaluation import in_columns
@@ -254,9 +255,3 @@ def _gone_through(x: np.ndarray, side: np.ndarray, rides: list[tuple[int, int]])
     for i, j in pairwise(np.flatnonzero(side != 0.0).tolist()):
         if side[i] != side[j] and not any(a <= i + 1 and j <= b for a, b in rides):
             yield float(0.5 * (x[i + 1] + x[j]))
-
-
-def runs(at_bounds: np.ndarray) -> list[tuple[int, int]]:
-    """The first and the last vertices of stretches at bounds."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at_bounds, [False]]).astype(int)))
-    return [(int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]

@@ -15,6 +15,7 @@ import numpy as np
 from varcalc.existence.landscape import Landscape
 from varcalc.existence.polygons import FINEST_RULE, OWN_LINE, Lattice, Valley, at_ends, values_of
 from varcalc.numerics.mesh import composite_gauss, gauss
+from varcalc.numerics.runs import runs
 
 STRETCHES = 10
 """Pieces of the interval at whose ends a quick way is looked for."""
@@ -122,10 +123,9 @@ def mesh_for(x: np.ndarray, y: np.ndarray) -> tuple[float, ...]:
     """
     a, b = float(x[0]), float(x[-1])
     slopes = np.abs(np.diff(y[np.argmax(np.ptp(y, axis=1))]) / np.diff(x))
-    steep = np.flatnonzero(slopes > STEEP * slopes.max())
     found = set(np.linspace(a, b, MARKS + 1)[1:-1].tolist())
-    for run in np.split(steep, 1 + np.flatnonzero(np.diff(steep) > 1)) if len(steep) else ():
-        first, last = float(x[run[0]]), float(x[run[-1] + 1])
+    for i, j in runs(slopes > STEEP * slopes.max()):
+        first, last = float(x[i]), float(x[j + 1])
         away = (last - first) * np.append(0.0, COARSER ** np.arange(MOST_COARSER) / COARSER)
         found |= {*(first - away).tolist(), *(last + away).tolist(), 0.5 * (first + last)}
     return tuple(sorted(at for at in found if a < at < b))

@@ -30,6 +30,7 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.methods.ritz.steepest import ordinate_at
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
+from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
@@ -401,14 +402,13 @@ class Surfaces:
         for condition, row in zip(self.conditions[len(self.switches) :], values[len(self.switches) :], strict=True):
             room = AT_BOUND[self.slopes[condition.index]] * max(float(np.ptp(row)), 1e-300)
             for level, excess in self._beyond(condition, row):
-                near = np.flatnonzero(excess >= -room)
-                for run in np.split(near, 1 + np.flatnonzero(np.diff(near) > 1)) if len(near) else ():
-                    ends = [x[k] for k in (0, -1) if x[k] in x[run]] if len(run) <= LONGEST_POINT else []
+                for first, last in runs(excess >= -room):
+                    ends = [x[k] for k in (0, len(x) - 1) if first <= k <= last < first + LONGEST_POINT]
                     at = [Contact(condition.index, level, float(end), float(end)) for end in ends]
                     if any(map(self.ends_at, at)):
                         met += filter(self.ends_at, at)
-                    elif len(run) > 2:
-                        met.append(Contact(condition.index, level, float(x[run[0]]), float(x[run[-1]])))
+                    elif last > first + 1:
+                        met.append(Contact(condition.index, level, float(x[first]), float(x[last])))
         return met
 
     def _along_jumps(self, x: np.ndarray, values: np.ndarray) -> Iterator[Contact]:
@@ -417,11 +417,10 @@ class Surfaces:
             if not switch.jumps or self.slopes[condition.index] or switch.stepped:
                 continue
             size = float(np.abs(row[np.isfinite(row)]).max(initial=0.0))
-            near = np.flatnonzero(np.abs(row) <= ALONG_JUMP * size)
-            for run in np.split(near, 1 + np.flatnonzero(np.diff(near) > 1)) if len(near) else ():
-                if len(run) > SHORTEST_RUN:
-                    side = float(np.sign(np.median(row[run])))
-                    yield Contact(condition.index, side * ASIDE_OF_JUMP * size, float(x[run[0]]), float(x[run[-1]]))
+            for first, last in runs(np.abs(row) <= ALONG_JUMP * size):
+                if last - first + 1 > SHORTEST_RUN:
+                    side = float(np.sign(np.median(row[first : last + 1])))
+                    yield Contact(condition.index, side * ASIDE_OF_JUMP * size, float(x[first]), float(x[last]))
 
     def runs_along_jumps(self, curve: CurveOrSlope) -> bool:
         """Whether a curve runs along a jump of its place for a while."""
@@ -458,10 +457,9 @@ class Surfaces:
                 kink = k < len(self.switches)
                 levels = [(0.0, -side[k] * values[k])] if kink else self._beyond(condition, values[k])
                 for level, excess in levels:
-                    strays = np.flatnonzero(excess > room[k])
-                    for run in np.split(strays, 1 + np.flatnonzero(np.diff(strays) > 1)) if len(strays) else ():
-                        first, last = x[max(run[0] - 1, 0)], x[min(run[-1] + 1, len(x) - 1)]
-                        others.append(Contact(condition.index, level, float(first), float(last)))
+                    for first, last in runs(excess > room[k]):
+                        start, end = x[max(first - 1, 0)], x[min(last + 1, len(x) - 1)]
+                        others.append(Contact(condition.index, level, float(start), float(end)))
         yield from self._with_others(contacts, others)
 
     def within_bounds(self, curve: CurveOrSlope, vertices: np.ndarray) -> bool:

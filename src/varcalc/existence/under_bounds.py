@@ -16,11 +16,12 @@ import numpy as np
 from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.directions import polygonal
 from varcalc.existence.jumps_under_bounds import least_beside_jumps
-from varcalc.existence.polygons_under_bounds import PolygonsUnderBounds, PolygonUnderBounds, runs
+from varcalc.existence.polygons_under_bounds import PolygonsUnderBounds, PolygonUnderBounds
 from varcalc.existence.rests import at_contacts, treated
 from varcalc.formulation import Contact, Sampled, formulate
 from varcalc.formulation.epigraph import epigraph_form
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.runs import runs
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution, Status, no_answer
 

@@ -13,6 +13,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.functional import Functional
 from varcalc.problem.reading import names, text
@@ -188,9 +189,8 @@ def stretches_beside_jumps(solution: Solution, small: float) -> list[tuple[float
     values = np.abs(arguments_along(problem, curve, x, np.array(list(solution.unknowns.values()))))
     found: list[tuple[float, float]] = []
     for switch, row in zip(on_curve(problem), values, strict=True):
-        near = np.flatnonzero(row <= small * np.nanmax(row, initial=0.0)) if switch.jumps and not switch.stepped else []
-        runs = np.split(near, 1 + np.flatnonzero(np.diff(near) > 1)) if len(near) else []
-        found += [(float(x[r[0]]), float(x[r[-1]])) for r in runs if x[r[-1]] - x[r[0]] > RIDDEN * (x[-1] - x[0])]
+        near = runs(row <= small * np.nanmax(row, initial=0.0)) if switch.jumps and not switch.stepped else []
+        found += [(float(x[a]), float(x[b])) for a, b in near if x[b] - x[a] > RIDDEN * (x[-1] - x[0])]
     return found
 
 
@@ -218,17 +218,15 @@ def _of_one(
     """Those of one switch, along a curve that ``ends`` or is closed."""
     side = np.floor(values + small) if switch.stepped else signs
     found: list[Crossing] = []
-    still = np.flatnonzero(side == 0.0) if not switch.stepped else np.zeros(0, dtype=int)
-    still = _joined(still, np.abs(values) <= WAVERING * small)
-    runs = np.split(still, 1 + np.flatnonzero(np.diff(still) > 1)) if len(still) else []
-    for run in runs:
-        long = x[run[-1]] - x[run[0]] > RIDDEN * (x[-1] - x[0])
+    still = [] if switch.stepped else runs(_joined(side == 0.0, np.abs(values) <= WAVERING * small))
+    for a, b in still:
+        long = x[b] - x[a] > RIDDEN * (x[-1] - x[0])
         # a curve that begins or ends beside a switch goes from there, straight, to one side
-        at_one_end = ends and (run[0] > 0) != (run[-1] < len(x) - 1)
-        there = max(abs(float(values[run[-1]]) - float(values[run[0]])), LEFT_BEHIND * small)
+        at_one_end = ends and (a > 0) != (b < len(x) - 1)
+        there = max(abs(float(values[b]) - float(values[a])), LEFT_BEHIND * small)
         across = there if at_one_end else 2 * small
-        if long and ridden and _lingers(values[run], x[run], across):
-            found.append(Crossing(switch, float(x[run[0]]), until=float(x[run[-1]])))
+        if long and ridden and _lingers(values[a : b + 1], x[a : b + 1], across):
+            found.append(Crossing(switch, float(x[a]), until=float(x[b])))
     known = np.flatnonzero(side != 0.0) if not switch.stepped else np.arange(len(x))
     between: list[tuple[float, float, float]] = []
     for i, j in pairwise(known.tolist()):
@@ -244,12 +242,11 @@ def _of_one(
 
 
 def _joined(still: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Where an argument is zero, with what lies between if that is ``near`` zero throughout."""
-    out = still.tolist()
-    for i, j in pairwise(still.tolist()):
-        if j - i > 1 and near[i:j].all():
-            out += range(i + 1, j)
-    return np.unique(np.array(out, dtype=int))
+    """Where (m,) an argument is zero, with what lies between if that is ``near`` zero throughout."""
+    out = still.copy()
+    for i, j in pairwise(np.flatnonzero(still).tolist()):
+        out[i:j] |= near[i:j].all()
+    return out
 
 
 def _lingers(values: np.ndarray, x: np.ndarray, across: float) -> bool:

@@ -19,6 +19,7 @@ from varcalc.formulation import formulate
 from varcalc.formulation.height import height
 from varcalc.methods.crossings import Crossing, met_by, on_curve
 from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import bounds, integrals
 from varcalc.problem.conditions import Bound, Holonomic
 from varcalc.problem.functional import Functional
@@ -102,10 +103,9 @@ def _suspected(sides: _Sides, weights: np.ndarray, edges: np.ndarray) -> Iterato
         while parts >= 1:
             ends = edges[:: PARTS // parts]
             variation, size = sides.first_variation(direction, weights, ends)
-            failing = np.flatnonzero(variation < -NOT_NEGATIVE * size)
-            for run in np.split(failing, 1 + np.flatnonzero(np.diff(failing) > 1)) if len(failing) else ():
-                share = float((variation[run] / size[run]).min())
-                yield share, Release(float(ends[run[0]]), float(ends[run[-1] + 1]), sides.unit * direction)
+            for first, last in runs(variation < -NOT_NEGATIVE * size):
+                share = float((variation[first : last + 1] / size[first : last + 1]).min())
+                yield share, Release(float(ends[first]), float(ends[last + 1]), sides.unit * direction)
             parts //= FEWER
 
 

@@ -24,6 +24,7 @@ from varcalc.numerics.one_coordinate.motions import (
 )
 from varcalc.numerics.one_coordinate.potential import PotentialNodes
 from varcalc.numerics.one_coordinate.quadrature import AGREED, integrals, reached
+from varcalc.numerics.runs import runs
 from varcalc.problem.conditions import reals, told
 from varcalc.showing import Shown
 
@@ -221,13 +222,12 @@ class Regions:
         at = {k: rest for rest in saddles for k in self._numbers(rest)}
         at_rest = [k for rest in self.rests if rest.stable and _same(rest.energy, energy) for k in self._numbers(rest)]
         allowed[[*at, *at_rest]] = False
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], allowed, [False]]).astype(int)))
         out = []
-        for first, stop in edges.reshape(-1, 2):
-            resting = at.get(first - 1), at.get(stop)
-            inside = first + int(np.argmax(g[first:stop]))
-            if (first == 0) != (stop == len(g)):  # next to where it turns, which is then known best
-                inside = first if first > 0 else stop - 1
+        for first, last in runs(allowed):
+            resting = at.get(first - 1), at.get(last + 1)
+            inside = first + int(np.argmax(g[first : last + 1]))
+            if (first == 0) != (last + 1 == len(g)):  # next to where it turns, which is then known best
+                inside = first if first > 0 else last
             orbit = self._orbit(energy, inside, resting)
             if orbit is not None:
                 out.append(orbit)

@@ -16,6 +16,7 @@ from varcalc.methods.first_integral.energy import EnergyLines
 from varcalc.methods.first_integral.lines import Arc, CurveBatch
 from varcalc.numerics.one_coordinate.panels import COARSE, GRADED, TOWARD, WHOLE, Panels
 from varcalc.numerics.roots import edges, least
+from varcalc.numerics.runs import runs
 
 DECADES = 7
 """Turning points are looked for from 1e-7 to 1e7 times the problem's size beyond the outer end."""
@@ -187,9 +188,7 @@ def turning_ordinates(
     if len(barriers):
         possible &= (np.arange(len(grid)) <= barriers[0]) | (grid < FIRST_BARRIER * points.size)
     samples = []
-    starts = np.flatnonzero(possible & ~np.concatenate([[False], possible[:-1]]))
-    stops = np.flatnonzero(possible & ~np.concatenate([possible[1:], [False]]))
-    for a, b in zip(starts, stops, strict=True):
+    for a, b in runs(possible):
         lowest_before = float(lowest[a])
         low = 0.0 if a == 0 else _edge(lambda d, m=lowest_before: rest(d) < m, grid[a], grid[a - 1])
         high = float(grid[b])

@@ -21,6 +21,7 @@ import numpy as np
 
 from varcalc.formulation import Contact, Form, SideCondition, broken_form
 from varcalc.methods.answer import Extremal, lifted, runs_forwards
+from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
@@ -190,11 +191,10 @@ def _marks(form: Form, contacts: Iterable[Contact]) -> list[float]:
 
 def _stretches(x: np.ndarray, near: np.ndarray) -> list[tuple[float, float]]:
     """Intervals of x on which ``near`` holds, but for points; a coarse curve waves across the bound a little."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
-    inner = edges[1:-1].reshape(-1, 2)
-    gaps = inner[inner[:, 1] - inner[:, 0] > GAP]
-    pairs = np.concatenate([edges[:1], gaps.ravel(), edges[-1:]]).reshape(-1, 2)
-    return [(float(x[i]), float(x[j - 1])) for i, j in pairs if j - i >= LEAST_SAMPLES]
+    joined = near.copy()
+    for (_, i), (j, _) in pairwise(runs(near)):
+        joined[i:j] |= j - i - 1 <= GAP
+    return [(float(x[i]), float(x[j])) for i, j in runs(joined) if j - i + 1 >= LEAST_SAMPLES]
 
 
 def _along(
