@@ -15,7 +15,7 @@ import numpy as np
 from varcalc.existence.directions import end_cost
 from varcalc.existence.rounded import rounded_off
 from varcalc.formulation import formulate
-from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.mesh import GAUSS_SHARES, composite_gauss
 from varcalc.problem.conditions import Bound, Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -23,8 +23,6 @@ from varcalc.symbolic.tracing import Expression
 
 PIECES_KEPT = 24
 """Of a polygon."""
-GAUSS_SHARES = 0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)
-"""Where on a piece its two Gauss points lie."""
 SWITCHED_WITHIN = 0.02
 """Width over which what switches is rounded off, relative to its size along the known curve."""
 OPTIONS: dict[str, object] = {

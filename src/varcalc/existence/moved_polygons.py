@@ -14,10 +14,8 @@ import numpy as np
 
 from varcalc.existence.landscape import Landscape
 from varcalc.existence.polygons import Valley, values_of
-from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.mesh import GAUSS_SHARES, composite_gauss
 
-GAUSS_SHARES = 0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)
-"""Where on a piece its two Gauss points lie."""
 FINE_ENOUGH = 150
 """Pieces of a polygon from which on it is fine enough."""
 MOVES = np.arange(-3.0, 4.0)[[3, 2, 4, 1, 5, 0, 6]]

@@ -18,6 +18,7 @@ import numpy as np
 from varcalc.existence.directions import polygonal
 from varcalc.existence.rests import Surfaces
 from varcalc.formulation import Contact, Form, Sampled
+from varcalc.numerics.mesh import GAUSS_SHARES
 from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import breaks
 from varcalc.problem.problem import Problem
@@ -26,8 +27,6 @@ from varcalc.symbolic.variation import gentle_boxes
 
 EVENLY, MOST_EDGES = 32, 400
 """Pieces of the first polygon, and abscissae at most between which bounds vary gently."""
-GAUSS_SHARES = 0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)
-"""Where on a piece its two Gauss points lie."""
 INSIDE_A_PIECE = (1e-4, 1e-3, 1e-2, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999, 0.9999)
 """Places of a piece at which it is seen whether it keeps bounds between its vertices."""
 BROKEN_INSIDE, ROUGHLY_KEPT, VERTEX_AT_BOUND, PIECE_ON_KINK = 1e-10, 1e-4, 1e-7, 1e-6

@@ -19,6 +19,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.polynomial import legendre
 
+GAUSS_SHARES = 0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)
+"""Where on an element its two Gauss points lie."""
 FEW_POINTS = 16
 """Points of Gauss's rule up to which the weights of NumPy are as good as any."""
 NEAREST_VERTICES = 64.0 * np.finfo(float).eps
