@@ -398,9 +398,9 @@ def _with_gradient(problem: Functional) -> PointEvaluator:
     return PointEvaluator(ca.Function("metric", s.all, [ca.densify(rows)]))
 
 
-def rational(value: float, denominator: int = LARGEST_DENOMINATOR) -> float:
+def rational(value: float) -> float:
     """The nearest fraction of small denominator when the value is one to measuring accuracy."""
     if not math.isfinite(value):
         return value
-    fraction = Fraction(value).limit_denominator(denominator)
+    fraction = Fraction(value).limit_denominator(LARGEST_DENOMINATOR)
     return float(fraction) if abs(float(fraction) - value) < A_FRACTION else value
