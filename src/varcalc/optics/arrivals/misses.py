@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from varcalc.numerics.hermite import cubic_at, quintic, quintic_at
 from varcalc.numerics.roots import bracketed_newton, quadratic
 from varcalc.optics.arrivals.cells import MOVED, TURNED, Cells, P, R
 
@@ -85,23 +86,18 @@ def _met(cells: Cells, targets: np.ndarray, ahead: np.ndarray) -> tuple[np.ndarr
     side = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)[:, None]
     ahead = ahead[:, None]
     length = (cells.sigma[:, :, 1] - cells.sigma[:, :, 0])[..., None]
-    start, end = cells.state[:, :, 0], cells.state[:, :, 1]
-    r, p, q = start[..., R] - targets[:, None], length * start[..., P], length**2 * cells.pull[:, :, 0]
-    gap = end[..., R] - start[..., R] - p - q / 2
-    gain, bend = length * end[..., P] - p - q, length**2 * cells.pull[:, :, 1] - q
-    c3, c4, c5 = 10 * gap - 4 * gain + bend / 2, -15 * gap + 7 * gain - bend, 6 * gap - 3 * gain + bend / 2
-    turned = length * start[..., TURNED]
-    change, last = end[..., MOVED] - start[..., MOVED] - turned, length * end[..., TURNED] - turned
+    ends = [(cells.state[:, :, k], cells.pull[:, :, k]) for k in (0, 1)]
+    places, *others = quintic(*((ray[..., R], length * ray[..., P], length**2 * pull) for ray, pull in ends))
+    terms = places - targets[:, None], *others
 
     def at(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The places and directions at shares u of the intervals, and how far ahead of the line the places are."""
-        place = r + u * (p + u * (q / 2 + u * (c3 + u * (c4 + u * c5))))
-        going = p + u * (q + u * (3 * c3 + u * (4 * c4 + u * 5 * c5)))
+        place, going = quintic_at(u, terms)
         return place, going, np.sum(place * ahead, axis=2)[..., None]
 
-    ends = [at(np.full((*length.shape[:2], 1), u))[2][..., 0] for u in (-SIDE_MARGIN, 1 + SIDE_MARGIN)]
+    short = [at(np.full((*length.shape[:2], 1), u))[2][..., 0] for u in (-SIDE_MARGIN, 1 + SIDE_MARGIN)]
     room = cells.error[:, None]  # which is how far other rays of the cell may be off
-    outside = np.all(ends[0] > room, axis=1) | np.all(ends[1] < -room, axis=1)
+    outside = np.all(short[0] > room, axis=1) | np.all(short[1] < -room, axis=1)
     u = np.zeros((*length.shape[:2], 1))
     with np.errstate(all="ignore"):
         for _ in range(STEPS_TO_LINE):
@@ -109,7 +105,7 @@ def _met(cells: Cells, targets: np.ndarray, ahead: np.ndarray) -> tuple[np.ndarr
             u = u - short / np.sum(going * ahead, axis=2)[..., None]
             u = np.clip(np.where(np.isfinite(u), u, 0.5), -1 - END_MARGIN, 2 + END_MARGIN)
         place, going, short = at(u)
-        moved = start[..., MOVED] + u * (turned + u * ((3 * change - last) + u * (last - 2 * change)))
+        moved = cubic_at(u, *((ray[..., MOVED], length * ray[..., TURNED]) for ray, _ in ends))
         straight = np.sum(going * ahead, axis=2) >= NEARLY_PARALLEL * np.linalg.norm(going, axis=2)
         straight &= np.abs(short[..., 0]) <= ON_LINE * np.linalg.norm(going, axis=2)
         tilt = np.sum(going * side, axis=2) / np.sum(going * ahead, axis=2)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from varcalc.numerics.hermite import cubic_at, quintic, quintic_at
 from varcalc.optics.arrivals.cells import SLOPE_SHARE
 from varcalc.optics.arrivals.directions import STEP
 from varcalc.optics.rays.beam import Rows, frames
@@ -369,19 +370,16 @@ def _met(
     """
     ahead, screen = axes[:, None, None, 0], axes[:, 1:]
     length = (cells.sigma[:, 1] - cells.sigma[:, 0])[:, None, None, None]
-    start, end = cells.state[:, :, :, 0], cells.state[:, :, :, 1]
-    r, p, q = start[..., R] - target, length * start[..., P], length**2 * cells.pull[:, :, :, 0]
-    gap = end[..., R] - start[..., R] - p - q / 2
-    gain, bend = length * end[..., P] - p - q, length**2 * cells.pull[:, :, :, 1] - q
-    c3, c4, c5 = 10 * gap - 4 * gain + bend / 2, -15 * gap + 7 * gain - bend, 6 * gap - 3 * gain + bend / 2
+    ends = [(cells.state[:, :, :, k], cells.pull[:, :, :, k]) for k in (0, 1)]
+    places, *others = quintic(*((ray[..., R], length * ray[..., P], length**2 * pull) for ray, pull in ends))
+    terms = places - target, *others
 
     def at(u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The places and directions at shares u of the intervals, and both along ``ahead``."""
-        place = r + u * (p + u * (q / 2 + u * (c3 + u * (c4 + u * c5))))
-        going = p + u * (q + u * (3 * c3 + u * (4 * c4 + u * 5 * c5)))
+        place, going = quintic_at(u, terms)
         return place, going, *(np.sum(v * ahead, axis=3, keepdims=True) for v in (place, going))
 
-    u, rates = np.full((*r.shape[:3], 1), 0.5), []
+    u, rates = np.full((*places.shape[:3], 1), 0.5), []
     with np.errstate(all="ignore"):
         for _ in range(STEPS_TO_SCREEN):
             _, _, short, slope = at(u)
@@ -391,9 +389,7 @@ def _met(
         speed = np.linalg.norm(going, axis=3)
         astray = (slope[..., 0] < np.cos(NEARLY_PARALLEL) * speed) | (np.abs(short[..., 0]) > ON_SCREEN * speed)
         for by, on in zip(MOVED, TURNED, strict=True):
-            turned = length * start[..., on]
-            change, last = end[..., by] - start[..., by] - turned, length * end[..., on] - turned
-            moved = start[..., by] + u * (turned + u * ((3 * change - last) + u * (last - 2 * change)))
+            moved = cubic_at(u, *((ray[..., by], length * ray[..., on]) for ray, _ in ends))
             across = moved - np.sum(moved * ahead, axis=3, keepdims=True) / slope * going
             rates.append(cells.width[:, None, None, None] * np.einsum("qkd,qabd->qabk", screen, across))
         miss = np.einsum("qkd,qabd->qabk", screen, place)

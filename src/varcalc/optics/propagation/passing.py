@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from varcalc.numerics.hermite import quintic
 from varcalc.numerics.roots import bracketed_newton
 from varcalc.optics.media.medium import Field
 from varcalc.optics.models.linear import LinearRays
@@ -290,12 +291,8 @@ class _NystromStep(Rows):
     @cached_property
     def _terms(self) -> list[np.ndarray]:
         """The coefficients (m, 4) of ascending powers of the share of the step."""
-        h, a, b = self.size[:, None], self.start, self.end
-        slope, bend = h * a.speed, h**2 * a.pull
-        gap = b.place - a.place - slope - bend / 2
-        gain, turn = h * b.speed - slope - bend, h**2 * b.pull - bend
-        last = [10 * gap - 4 * gain + turn / 2, -15 * gap + 7 * gain - turn, 6 * gap - 3 * gain + turn / 2]
-        return [a.place, slope, bend / 2, *last]
+        h = self.size[:, None]
+        return quintic(*((end.place, h * end.speed, h**2 * end.pull) for end in (self.start, self.end)))
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Positions, momenta and pulls (m, ..., 2) after shares ``u`` (m, ...) of a step; how far neighbours are."""
