@@ -273,7 +273,7 @@ class Distances:
 
 
 @dataclass(frozen=True)
-class Families:
+class Families(Rows):
     """k combinations of passages on ``panel`` (k,) of the series.
 
     ``beyond`` and ``behind`` are a and b, ``periods`` m, ``aim`` the number of the distance that each is to come.
@@ -291,10 +291,6 @@ class Families:
         m = self.periods
         weights = np.column_stack([1 + 2 * m, 2 * (self.beyond + m), 2 * (self.behind + m)])
         return np.pad(weights.astype(float), ((0, 0), (0, COUNT - LAYERS)))
-
-    def take(self, rows: np.ndarray) -> Families:
-        """Some of them."""
-        return Families(*(getattr(self, name)[rows] for name in ("panel", "beyond", "behind", "periods", "aim")))
 
     @property
     def name(self) -> np.ndarray:

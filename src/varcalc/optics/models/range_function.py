@@ -16,7 +16,7 @@ from varcalc.optics.models.launches import Launch, Launches, launches, rounded_u
 from varcalc.optics.models.passage_tables import PassageTables
 from varcalc.optics.models.reduction import Profile, RayPotential
 from varcalc.optics.models.tables import TableProfile
-from varcalc.optics.rays.beam import frames
+from varcalc.optics.rays.beam import Rows, frames
 from varcalc.optics.rays.ray import SHADOW, Ray, Rays, no_rays
 
 UPRIGHT = 1e-13
@@ -167,7 +167,7 @@ def _answer(found: Launches, rays: list[Ray], within: float) -> Rays:
 
 
 @dataclass(frozen=True)
-class Frames:
+class Frames(Rows):
     """Pairs of points as ``heights`` (q, 2) in a profile, and the ``distance`` (q,) between them along the layers.
 
     ``up`` and ``ahead`` (q, d) are the directions of these at the first point, ``unit`` (q,) that of length.
@@ -205,10 +205,6 @@ class Frames:
         with np.errstate(all="ignore"):
             ahead = np.where(upright[:, None], frames(up)[:, 0], across / length[:, None])
         return cls(up, ahead, heights, distance, unit)
-
-    def take(self, rows: np.ndarray) -> Frames:
-        """Those of some pairs."""
-        return Frames(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     def radius(self, pair: np.ndarray) -> np.ndarray:
         """How far from the centre the second points of pairs (k,) are."""
