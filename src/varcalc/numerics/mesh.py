@@ -178,6 +178,12 @@ def apart(vertices: Iterable[float], standing: Sequence[float]) -> list[float]:
     return found
 
 
+def subdivided(vertices: np.ndarray, parts: int) -> np.ndarray:
+    """The vertices (parts K + 1,) of a mesh (K + 1,) each element of which is divided evenly into ``parts``."""
+    inner = vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(parts) / parts)
+    return np.append(inner.ravel(), vertices[-1])
+
+
 def composite_gauss(vertices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights of the composite Gauss rule on a mesh, each flat."""
     nodes, weights = gauss(count)

@@ -15,7 +15,7 @@ import numpy as np
 
 from varcalc.formulation import formulate
 from varcalc.methods.answer import Extremal, functional, functional_value, lifted, sample
-from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.mesh import composite_gauss, subdivided
 from varcalc.problem.breaks import bounds, breaks, integrals
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
@@ -148,8 +148,7 @@ def _finely(solution: Solution) -> Extremal | None:
     vertices = np.union1d(known.vertices, breaks(problem))
     # a method looks at as many points of an element as its degree
     parts = max(1, -(-solution.stats.degree // LEAST_BOXES))
-    inner = vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(parts) / parts)
-    return replace(known, vertices=np.append(inner.ravel(), vertices[-1]))
+    return replace(known, vertices=subdivided(vertices, parts))
 
 
 def of_powers_alone(solution: Solution) -> bool:
@@ -215,8 +214,7 @@ def _beyond_bounds(extremal: Extremal) -> Unseen | None:
     s, _ = _samples(extremal)
     looked = _looked(extremal, function, VARYING, everywhere=False)
     marks, edges = (np.zeros(0), s) if looked is None else looked[:2]
-    inner = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(WITHIN_BOX) / WITHIN_BOX)
-    asked, sizes = np.append(inner.ravel(), edges[-1]), np.ones((len(held), 1))
+    asked, sizes = subdivided(edges, WITHIN_BOX), np.ones((len(held), 1))
     for nearer in range(1 + NEARER):
         points = _points(extremal, asked)
         values = np.asarray(function(*_arguments(extremal, points)))
@@ -369,8 +367,7 @@ def _samples(extremal: Extremal) -> tuple[np.ndarray, np.ndarray]:
         s, points = np.concatenate([[first], s, [last]]), np.column_stack([ends[:, 0], points, ends[:, 1]])
     else:
         pieces = BOXES if len(vertices) <= FEW_ELEMENTS + 1 else LEAST_BOXES
-        inner = vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(pieces) / pieces)
-        s = np.append(inner.ravel(), last)
+        s = np.append(subdivided(vertices, pieces)[:-1], last)
         points = _points(extremal, s)
     start, end = extremal.form.coordinates.singular
     if start or end:

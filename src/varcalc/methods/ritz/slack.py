@@ -13,7 +13,7 @@ import numpy as np
 
 from varcalc.formulation import Form
 from varcalc.methods.answer import Extremal, multipliers, sample
-from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.mesh import composite_gauss, subdivided
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import Cache, derived
 
@@ -57,9 +57,7 @@ def within_bounds(form: Form, free: Extremal) -> bool:
     bounds = [c for c in form.conditions.pathwise if not c.equality]
     if not bounds:
         return True
-    edges = free.vertices
-    inner = edges[:-1, None] + np.diff(edges)[:, None] * (np.arange(AN_ELEMENT) / AN_ELEMENT)
-    s = np.append(inner.ravel(), edges[-1])
+    s = subdivided(free.vertices, AN_ELEMENT)
     function = ca.Function("bounds", form.symbols.all, [ca.densify(ca.vertcat(*(c.expression for c in bounds)))])
     values = np.asarray(function(*sample(free, s)))
     for row, c in zip(values, bounds, strict=True):

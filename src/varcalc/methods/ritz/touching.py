@@ -21,6 +21,7 @@ import numpy as np
 
 from varcalc.formulation import Contact, Form, SideCondition, broken_form
 from varcalc.methods.answer import Extremal, lifted, runs_forwards
+from varcalc.numerics.mesh import subdivided
 from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound
@@ -149,10 +150,9 @@ def touching(form: Form, coarse: Solution) -> list[Touching]:
 def touched_stretches(form: Form, coarse: Solution) -> list[Contact]:
     """The stretches along which a coarse solution is at a bound, or nearly."""
     assert coarse.curve is not None
-    curve, vertices = coarse.curve, coarse.x
+    curve = coarse.curve
     # a mesh that was marked is fine where the bound is narrow
-    within = (vertices[:-1, None] + np.diff(vertices)[:, None] * (np.arange(AN_ELEMENT) / AN_ELEMENT)).ravel()
-    x = np.union1d(np.linspace(*form.span, CONTACT_SAMPLES), within)
+    x = np.union1d(np.linspace(*form.span, CONTACT_SAMPLES), subdivided(coarse.x, AN_ELEMENT)[:-1])
     contacts: list[Contact] = []
     for condition in form.conditions.pathwise:
         values = _along(form, condition, curve, x)
