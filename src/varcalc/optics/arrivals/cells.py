@@ -12,11 +12,11 @@ the corners lie on exact rays.)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from varcalc.optics.rays.beam import Rows
+from varcalc.optics.rays.beam import Beam, Rows, packed, unpacked
 
 R, P, PATH, MOVED, TURNED, CROSSED = slice(0, 2), slice(2, 4), 4, slice(5, 7), slice(7, 9), 9
 """Columns of a state in the plane with one neighbour, as :func:`varcalc.optics.rays.beam.packed` has them; and last
@@ -115,6 +115,16 @@ class Cells(Rows):
         low = np.where(np.isfinite(points), points, np.inf).min(axis=(0, 2, 3))
         high = np.where(np.isfinite(points), points, -np.inf).max(axis=(0, 2, 3))
         return low, high
+
+
+def cell_states(beam: Beam) -> np.ndarray:
+    """The states (m, N) of cells for the rays of ``beam``, in the plane or in space."""
+    return np.column_stack([packed(beam), beam.crossed])
+
+
+def beam_of(states: np.ndarray, dimension: int) -> Beam:
+    """The rays of the states (m, N)."""
+    return replace(unpacked(states[:, :-1], dimension), crossed=states[:, -1])
 
 
 def between(width: np.ndarray, sigma: np.ndarray, delay: np.ndarray) -> np.ndarray:

@@ -9,17 +9,17 @@ wavefront to wavefront, in steps over which they turn little.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from varcalc.optics.arrivals.cells import CROSSED, MOVED, PATH, SLOPE_SHARE, Cells, P, R, between, parted
+from varcalc.optics.arrivals.cells import MOVED, PATH, SLOPE_SHARE, Cells, P, R, beam_of, between, cell_states, parted
 from varcalc.optics.media.medium import Field
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.watch import MOST_SEARCHED, MOST_SEARCHED_TOGETHER, NOT_FOLLOWED, Watch, searching
 from varcalc.optics.propagation.sequential import Noted, Propagator, UnderWay
-from varcalc.optics.rays.beam import NOTHING, Beam, RayStatus, Rows, launched, packed, stride, unpacked
+from varcalc.optics.rays.beam import NOTHING, Beam, RayStatus, Rows, launched, stride
 from varcalc.progress import Stage
 
 FIRST_ANGLES = 64
@@ -166,19 +166,19 @@ class Fan:
         Not a number where a ray does not come so far.
         """
         entry = self.entries(source, angles)
-        return _beam(self._moved(_states(entry), sigma, path)[0])
+        return beam_of(self._moved(cell_states(entry), sigma, path)[0], 2)
 
     def _moved(self, states: np.ndarray, sigma: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Carry ``states`` (m, 10) in the last medium: see :class:`Carrier`. What is none stays none."""
         ends, grown = np.full_like(states, np.nan), np.zeros(len(states))
         rows = np.flatnonzero(np.isfinite(states[:, PATH]) & np.isfinite(path))
         if len(rows):
-            last, begin = self.propagator.models[-1], _beam(states[rows])
+            last, begin = self.propagator.models[-1], beam_of(states[rows], 2)
             if isinstance(last, HamiltonRays):
                 beam, grown[rows] = last.onward(begin, sigma[rows], path[rows], self._moving)
             else:
                 beam, grown[rows] = last.onward(begin, sigma[rows], path[rows])
-            ends[rows] = _states(beam)
+            ends[rows] = cell_states(beam)
         return ends, grown
 
     def cells(self) -> Cells:
@@ -200,7 +200,7 @@ class Fan:
         middle[:, 1] = np.maximum(middle[:, 1], middle[:, 0])
         first, last = cells.state[:, :, 0, PATH].T
         path = (np.where(np.isfinite(first), first, last) + np.where(np.isfinite(last), last, first)) / 2
-        entry = _states(self.entries(cells.source, cells.angle.mean(axis=1)))
+        entry = cell_states(self.entries(cells.source, cells.angle.mean(axis=1)))
         state[:, 1, 0], sigma[:, 1, 0] = self._moved(entry, middle[:, 0], path)
         self._halve(state, sigma, 1, (middle[:, 1] - middle[:, 0]) / 2, (0, 1))
         for side in (0, 2):
@@ -243,7 +243,7 @@ class Fan:
     def _looked(self, source: np.ndarray, angles: np.ndarray, *, followed: bool = True) -> _FanRays:
         """The rays (m,) at ``angles``, and what became of them."""
         beam, rays = self._entered(source, angles, noted=True, followed=followed)
-        entry = _states(beam)
+        entry = cell_states(beam)
         assert rays.noted is not None
         way = rays.status * (len(self.propagator.surfaces) + 1) + rays.met
         ended = NOT_ENTERED - way * (len(self.propagator.geometries) + 1) - (rays.struck - NOTHING)
@@ -406,7 +406,7 @@ class Fan:
             return np.isfinite(entry[:, PATH]).astype(float)
         course = np.full(len(entry), -1.0)
         rows = np.flatnonzero(np.isfinite(entry[:, PATH]))
-        course[rows] = last.crossed(_beam(entry[rows]), self.bounds.path[source[rows]], self._looking)
+        course[rows] = last.crossed(beam_of(entry[rows], 2), self.bounds.path[source[rows]], self._looking)
         return course
 
     def _steps(self, source: np.ndarray, angles: np.ndarray, entry: np.ndarray) -> list[_Stretch]:
@@ -484,7 +484,7 @@ class Fan:
         """How far in σ (m,) each ray goes, so that all of a source come to one wavefront, about, and turn little."""
         away = np.linalg.norm(states[:, R] - self.bounds.middle[source], axis=1) - self.bounds.reach[source]
         length = STEP_SHARE * np.maximum(self.bounds.size[source], away)
-        beam, last = _beam(states), self.propagator.fields[-1]
+        beam, last = beam_of(states, 2), self.propagator.fields[-1]
         slack = self._slack[source]
         ahead = states[:, PATH] + slack * sigma
         gain = stride(beam.position, beam.momentum, last, length) * (np.sum(states[:, P] ** 2, axis=1) + slack)
@@ -584,16 +584,6 @@ class _Stretch:
     start: np.ndarray
     after: np.ndarray
     end: np.ndarray
-
-
-def _states(beam: Beam) -> np.ndarray:
-    """The states (m, 10) of cells for the rays of ``beam``."""
-    return np.column_stack([packed(beam), beam.crossed])
-
-
-def _beam(states: np.ndarray) -> Beam:
-    """The rays of the states (m, 10)."""
-    return replace(unpacked(states[:, :CROSSED], 2), crossed=states[:, CROSSED])
 
 
 def _medians(source: np.ndarray, values: np.ndarray, counted: np.ndarray) -> np.ndarray:

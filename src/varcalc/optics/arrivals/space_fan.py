@@ -15,13 +15,14 @@ from functools import cached_property
 
 import numpy as np
 
+from varcalc.optics.arrivals.cells import beam_of, cell_states
 from varcalc.optics.arrivals.directions import SIDE, headings
-from varcalc.optics.arrivals.space_cells import COLUMNS, CROSSED, MOVED, PATH, P, R, SpaceCells, bernstein, patch
+from varcalc.optics.arrivals.space_cells import COLUMNS, MOVED, PATH, P, R, SpaceCells, bernstein, patch
 from varcalc.optics.models.hamilton import HamiltonRays
 from varcalc.optics.models.straight import StraightRays
 from varcalc.optics.models.watch import MOST_SEARCHED, NOT_FOLLOWED, Watch, searching
 from varcalc.optics.propagation.sequential import Propagator
-from varcalc.optics.rays.beam import Beam, RayStatus, launched, packed, stride, unpacked
+from varcalc.optics.rays.beam import RayStatus, launched, stride, unpacked
 from varcalc.progress import Stage
 
 CELLS = 16
@@ -107,14 +108,14 @@ class SpaceFan:
         self.looked_at += len(face)
         if self.medium == 0:
             self.entered += len(face)
-            return _states(beam)
+            return cell_states(beam)
         watch = Watch(self.stage, MOST_SEARCHED)
         rays = self.propagator.into_medium(self.medium, beam, np.full(len(face), self.bounds.path), watch)
         beam, alive = rays.beam, rays.alive
         self.farthest = max(self.farthest, int(rays.met.max(initial=0)))
         self.ends.update(RayStatus(int(code)) for code in rays.status[~alive])
         self.entered += int(np.sum(alive))
-        return _states(beam.known(alive & np.all(np.isfinite(beam.moved), axis=(1, 2))))
+        return cell_states(beam.known(alive & np.all(np.isfinite(beam.moved), axis=(1, 2))))
 
     def at(self, face: np.ndarray, place: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """The states (m, 20) of rays ``sigma`` (m,) behind the last surface; not a number where they do not come."""
@@ -126,7 +127,7 @@ class SpaceFan:
         rows = np.flatnonzero(np.isfinite(states[:, PATH]) & (sigma >= 0))
         if len(rows) == 0:
             return ends
-        carry, beam, far = self._model, _beam(states[rows]), sigma[rows]
+        carry, beam, far = self._model, beam_of(states[rows], 3), sigma[rows]
         path = states[rows, PATH] + far * np.sum(states[rows, P] ** 2, axis=1)
         if isinstance(carry, HamiltonRays):
             there, grown = carry.onward(beam, far, path, self._moving)
@@ -139,7 +140,7 @@ class SpaceFan:
             rate = np.sum(there.momentum**2, axis=1)  # the model knows optical paths only, which grow by n² dσ
             path = np.where(np.isfinite(rate), np.maximum(path + late * rate, beam.optical_path), path)
             there, grown = carry.onward(beam, far, path)
-        ends[rows] = _states(there)
+        ends[rows] = cell_states(there)
         return ends
 
     def pull(self, states: np.ndarray) -> np.ndarray:
@@ -377,7 +378,7 @@ class SpaceFan:
         course = np.where(np.isfinite(entry[:, PATH]), 0.0, -1.0)
         last, rows = self._model, np.flatnonzero(course == 0)
         if isinstance(last, HamiltonRays) and last.jumps and len(rows):
-            through = last.crossed(_beam(entry[rows]), np.full(len(rows), self.bounds.path), self._looking)
+            through = last.crossed(beam_of(entry[rows], 3), np.full(len(rows), self.bounds.path), self._looking)
             self.given_up |= not np.all(np.isfinite(through))
             course[rows] = np.nan_to_num(through, nan=NOT_FOLLOWED)
         return course
@@ -412,13 +413,3 @@ class SpaceFan:
         length = STEP_SHARE * np.maximum(self.bounds.size, away)
         steps = stride(states[:, R], states[:, P], self._field, length)
         return float(np.quantile(steps[steps > 0], SHORT_STEPS)) if np.any(steps > 0) else self.bounds.size
-
-
-def _states(beam: Beam) -> np.ndarray:
-    """The states (m, 20) of cells for the rays of ``beam``."""
-    return np.column_stack([packed(beam), beam.crossed])
-
-
-def _beam(states: np.ndarray) -> Beam:
-    """The rays of the states (m, 20)."""
-    return replace(unpacked(states[:, :CROSSED], 3), crossed=states[:, CROSSED])
