@@ -76,7 +76,7 @@ def number_of(problem: Functional, crossing: Crossing) -> int:
     return next(i for i, switch in enumerate(on_curve(problem)) if switch.argument is crossing.switch.argument)
 
 
-def go_through(problem: Problem, pieces: Pieces | None | None, seen: list[Crossing]) -> list[Crossing]:
+def go_through(problem: Problem, pieces: Pieces | None, seen: list[Crossing]) -> list[Crossing]:
     """The crossings at which a curve goes within a piece through a slope at which L jumps.
 
     L is that of one side in all of the piece: beyond the jump the curve has it for nothing.
