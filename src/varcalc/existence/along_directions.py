@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from varcalc.existence.directions import Departures, polygonal
+from varcalc.existence.features import NOTHING, Features, features
 from varcalc.existence.landscape import ValuesAt
 from varcalc.formulation import Sampled
 from varcalc.methods.crossings import beside_jumps
@@ -82,6 +83,17 @@ class AlongDirection:
             return []
         scale = float(self.direction[0])
         return [(row - own[0]) / scale for row in beside_jumps(problem, x, own[0] + scale * y)]
+
+    @property
+    def narrow(self) -> Features:
+        """Where L of one function is narrow."""
+        return features(self.problem) if isinstance(self.problem, Problem) else NOTHING
+
+    def placed(self, x: np.ndarray, levels: np.ndarray) -> np.ndarray:
+        """The departures (m, j) at x (m,) that lead to ordinates (j,) of one function."""
+        if not len(levels):
+            return np.zeros((len(x), 0))
+        return (levels - self.departures.curve(x, 0)[0][:, None]) / float(self.direction[0])
 
     def extent(self, y: np.ndarray) -> float:  # noqa: ARG002  it is the same about any curve
         """The unit of the departures."""

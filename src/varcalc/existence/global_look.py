@@ -197,6 +197,7 @@ class _LookedAt:
     pieces: int = PIECES
     nodes: int = 0
     across: bool = False
+    rows: bool = False
     walled: bool = False
     directions: int = 0
     together: bool = False
@@ -223,7 +224,8 @@ class _LookedAt:
             looked += f" in {'the one direction' if one else f'{self.directions} directions'} from the curve"
         else:
             looked += f" within {self.reach:.4g} of the curve"
-        looked += ", and those across its hills and wells," if self.across and not self.bends else ""
+        across = f"across its hills and wells{', on rows where it is narrow too' if self.rows else ''}"
+        looked += f", and those {across}," if self.across and not self.bends else ""
         looked += " and in all directions at once," if self.together and not self.bends else ""
         looked += " and those in a box that keep a level," if self.levelled else ""
         looked += " and what all other ends cost," if self.ends else ""
@@ -288,6 +290,7 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: floa
     seen.across, seen.number = lattice is not None, seen.number + len(valleys)
     if lattice is None:
         return None
+    seen.rows = seen.rows or bool(lattice.marks)
     lower = _followed(best, lattice, valleys, ACROSS, polish)
     return _by_quick_ways(best, seen, lattice, ordinates, polish) or lower if lower is None or lower.local else lower
 
@@ -430,6 +433,7 @@ def _lower_in_directions(best: Solution, seen: _LookedAt, polish: Polish | None,
         seen.nodes = max([seen.nodes, *(about.levels for _, about in looked)])
         seen.walled = seen.walled or any(about.walled for _, about in looked)
         seen.across = seen.across or any(across is not None for across in acrosses)
+        seen.rows = seen.rows or any(across is not None and bool(across.marks) for across in acrosses)
         pairs = [(*pair, across) for pair, across in zip(looked, acrosses, strict=True)]
         for (direction, about), across in zip(looked, acrosses, strict=True):
             if bends:  # polygons show how far out there are hills and wells, no more

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from varcalc.existence.features import Features
 from varcalc.formulation import Sampled
 from varcalc.problem.functional import Functional
 
@@ -64,4 +65,13 @@ class LandscapeWithUnit(Landscape, Protocol):
 
     def beside_jumps(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
         """Ordinates (m,) just beside those at which L jumps, from y (m,) at x (m,)."""
+        ...
+
+    @property
+    def narrow(self) -> Features:
+        """Where L is too narrow for evenly spaced rows."""
+        ...
+
+    def placed(self, x: np.ndarray, levels: np.ndarray) -> np.ndarray:
+        """The functions' values (m, j) at x (m,) that lead to ordinates (j,)."""
         ...

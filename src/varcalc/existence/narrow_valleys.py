@@ -82,7 +82,7 @@ class NarrowValleys:
         self._own = np.minimum(own, own.mean())
         ways = 1 if sum(self.landscape.held) == 1 and not self.landscape.waypoints else 2
         self._bounds_of_share = math.log(LEAST_WAY), math.log(MOST_OF_WAY / ways)
-        ends = [(x, way) for x, way, kept in zip(departures.span, (1, -1), self._held(), strict=True) if kept]
+        ends = [(x, way) for x, way, kept in zip(departures.span, (1, -1), self.landscape.held, strict=True) if kept]
         kept = [*ends, *((x, way) for x in self.landscape.waypoints for way in (-1, 1))]
         self._kept, self._way_on = np.array(kept, dtype=float).reshape(-1, 2).T
         self._ways = [self._way(share / ways) for share in SHARES_OF_WAYS]
@@ -101,7 +101,7 @@ class NarrowValleys:
             return []
         best = int(np.argmin(least))
         shifts = [lambda x: np.repeat(places[:, [best]], len(x), axis=1), self._at_rest(places[:, best], best)]
-        if seen.sum() > 1:
+        if seen.sum() > 1 and not self.landscape.closed:  # a closed curve is shifted evenly, or rests
             shifts.append(self._through(places[:, seen], self._lines[seen]))
         kept: list[Valley] = []
         for valley in sorted(map(self._valley, shifts), key=lambda valley: valley.value):
@@ -183,10 +183,6 @@ class NarrowValleys:
         ways = [np.linspace(kept, turn, PIECES_OF_TURN + 1) for kept, turn in self._turns(shares)]
         x = np.concatenate([np.linspace(*self._departures.span, PIECES_OF_VALLEY + 1), *ways])
         return np.unique(np.clip(x, *self._departures.span))
-
-    def _held(self) -> list[bool]:
-        """Whether a shifted curve keeps each end."""
-        return [held or self.landscape.closed for held in self.landscape.held]
 
     def _turns(self, shares: np.ndarray | float) -> list[tuple[float, float]]:
         """The places that a shifted curve keeps, each with where it turns into the valley: the ends and waypoints."""

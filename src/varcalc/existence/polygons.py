@@ -20,6 +20,7 @@ from typing import Protocol
 import numpy as np
 
 from varcalc.existence.falling import Fall, falls_along
+from varcalc.existence.features import Features, features
 from varcalc.existence.landscape import Landscape, LandscapeWithUnit, ValuesAt
 from varcalc.formulation import Sampled, formulate
 from varcalc.formulation.height import breadths, turns_along_lines
@@ -133,6 +134,15 @@ class Graphs:
         from varcalc.methods.crossings import beside_jumps  # few problems need them
 
         return beside_jumps(self.problem, x, y)
+
+    @property
+    def narrow(self) -> Features:
+        """Where L is narrow."""
+        return features(self.problem)
+
+    def placed(self, x: np.ndarray, levels: np.ndarray) -> np.ndarray:
+        """Ordinates (j,) at all x (m,); shape (m, j)."""
+        return np.tile(levels, (len(x), 1))
 
     def along(self, valley: Sampled) -> Sampled:
         """The function itself."""
@@ -285,17 +295,19 @@ def minima(values: np.ndarray) -> np.ndarray:
 class Lattice:
     """Polygons through ``nodes`` (K + 1, J), ascending ordinates at the abscissae x; ``own`` are those of a curve.
 
-    The ``rests`` are levels on which a curve at rest costs less than on those beside it, where they are told. Polygons
-    are ``bounded`` where nodes lie no further apart than slopes lead that have bounds.
+    The ``rests`` are levels on which a curve at rest costs less than on those beside it, where they are told. At the
+    ``marks`` something narrow begins or ends. Polygons are ``bounded`` where nodes lie no further apart than slopes
+    lead that have bounds.
     """
 
     bounded = False
 
     def __init__(
         self, landscape: LandscapeWithUnit, x: np.ndarray, nodes: np.ndarray, own: np.ndarray,
-        reach: float, steep: float, rests: np.ndarray | None = None,
+        reach: float, steep: float, rests: np.ndarray | None = None, marks: tuple[float, ...] = (),
     ) -> None:  # fmt: skip
         self.rests: np.ndarray = np.zeros(0) if rests is None else rests
+        self.marks: tuple[float, ...] = marks
         self.landscape, self.x, self.nodes, self.own, self.reach, self.steep = landscape, x, nodes, own, reach, steep
         self.c = nodes[np.arange(len(x)), own]
         self.steps = np.diff(x)
@@ -421,7 +433,7 @@ class Lattice:
         numbers = np.array(path)
         edge = bool(((numbers <= 1) | (numbers >= self.nodes.shape[1] - 2)).any())
         y = self.nodes[np.arange(len(self.x)), numbers]
-        return Valley(self.x, y, value, edge, apart=self._apart, steep=self.bounded, size=size)
+        return Valley(self.x, y, value, edge, self.marks, self._apart, self.bounded, size=size)
 
     @cached_property
     def _apart(self) -> float:
@@ -668,20 +680,24 @@ def across_the_landscape(
 
     It goes no farther than it is worth by the lattice ``about`` the curve, if that is given.
     """
-    x = np.union1d(np.linspace(*landscape.span, PIECES_ACROSS + 1), landscape.waypoints)
+    narrow = landscape.narrow
+    x = np.unique(np.concatenate([np.linspace(*landscape.span, PIECES_ACROSS + 1), landscape.waypoints, narrow.rows]))
     c = ordinates(x)
-    extent = landscape.extent(c)
+    extent, features = landscape.extent(c), landscape.placed(x, narrow.levels)
     places = _where_it_turns(landscape, x, c, extent)
-    if places is None:
+    if places is None and not len(narrow.rows):
         return None
-    low, high = min(places.min(), c.min()), max(places.max(), c.max())
+    places = np.concatenate([c, features.ravel()] if places is None else [places, c, features.ravel()])
+    low, high = float(places.min()), float(places.max())
     room = LEVEL_MARGIN * (high - low)
     # beside the curve a few of many that reach far tell nothing
     far = high - low > FAR_APART * extent
     levels = np.linspace(low - room, high + room, LEVELS_FAR if far else LEVELS)
     from varcalc.existence.worth_crossing import worth_crossing  # few landscapes have hills and wells
 
-    ends, worth = levels[[0, -1]], (-math.inf, math.inf) if about is None else worth_crossing(about)
+    # what is narrow between its rows is nothing to the lattice about the curve
+    known = None if len(narrow.rows) else about
+    ends, worth = levels[[0, -1]], (-math.inf, math.inf) if known is None else worth_crossing(known)
     rests = _rests(landscape, x, levels, worth)
     levels = np.union1d(levels, rests)
     if far:
@@ -689,8 +705,8 @@ def across_the_landscape(
         levels = np.union1d(levels, np.linspace(c.min() - beyond, c.max() + beyond, LEVELS_ABOUT))
     levels = levels[(levels >= worth[0]) & (levels <= worth[1])]
     beside = _edges(landscape, x, c, ends[:, None] + np.zeros(len(x))) + landscape.beside_jumps(x, c)
-    nodes, own = _in_order(c, beside, np.broadcast_to(levels, (len(x), len(levels))))
-    return Lattice(landscape, x, nodes, own, float(high - low), extent / float(np.ptp(x)), rests)
+    nodes, own = _in_order(c, beside, np.column_stack([np.tile(levels, (len(x), 1)), features]))
+    return Lattice(landscape, x, nodes, own, high - low, extent / float(np.ptp(x)), rests, tuple(narrow.rows.tolist()))
 
 
 def _in_order(c: np.ndarray, beside: list[np.ndarray], levels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
