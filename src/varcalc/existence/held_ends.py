@@ -7,6 +7,7 @@ and Nonsmooth Analysis", 1983, sect. 4.4).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -50,7 +51,7 @@ def held_at_an_end(problem: Functional, solved: Callable[[Problem], Solution]) -
         if len(moving) != 1 or (problem.start, problem.end)[moving[0]].fixed:
             continue
         for place, unit in _places(problem, _to_switch(problem, switch.argument, moving[0]), moving[0]):
-            found += _at_kink(problem, moving[0], place, ASIDE * unit, solved)
+            found += _at_kink(problem, moving[0], place, ASIDE * unit, solved, switch.argument)
     return min(found, key=lambda s: problem.sign * s.value, default=None)
 
 
@@ -80,8 +81,16 @@ def held_by_a_bound(problem: Functional, solved: Callable[[Problem], Solution]) 
                     continue
                 resting = solved(_pinned(problem, end, place))
                 if resting.status.ok and _worse(solved(_pinned(problem, end, inside[0])), resting):
-                    return replace(resting, problem=problem, extremal=None)
+                    return _held_there(problem, resting, of)
     return None
+
+
+def _held_there(problem: Problem, resting: Solution, surface: Expression) -> Solution:
+    """The answer whose end is held on a surface; how it changes with what moves that is not known."""
+    symbols = ca.vertsplit(problem.symbols.parameters)
+    moved = {n: bool(ca.depends_on(surface, symbol)) for n, symbol in zip(problem.parameters, symbols, strict=True)}
+    rates = {n: math.nan if moved[n] else rate for n, rate in resting.sensitivities.items()}
+    return replace(resting, problem=problem, extremal=None, sensitivities=rates)
 
 
 def _may_be_given(problem: Problem) -> bool:
@@ -99,7 +108,7 @@ def _of_place(problem: Problem) -> Iterator[tuple[Expression, Bound]]:
 
 
 def _at_kink(
-    problem: Problem, end: int, place: float, aside: float, solved: Callable[[Problem], Solution]
+    problem: Problem, end: int, place: float, aside: float, solved: Callable[[Problem], Solution], surface: Expression
 ) -> Iterator[Solution]:
     """The answer whose end is at a kink of its cost, where that holds it, or those that lie on better sides of it."""
     resting = solved(_pinned(problem, end, place)) if admitted(problem, end, place) else None
@@ -114,7 +123,7 @@ def _at_kink(
         if _worse(resting, other) and (beside := _beside(problem, end, ordinate, solved)) is not None:
             yield beside
     if holds:
-        yield replace(resting, problem=problem, extremal=None)
+        yield _held_there(problem, resting, surface)
 
 
 def _beside(problem: Problem, end: int, ordinate: float, solved: Callable[[Problem], Solution]) -> Solution | None:

@@ -48,13 +48,16 @@ def graph_form(problem: Problem) -> Form:
         conditions_of(problem, lambda expression, _: expression, breaks(problem), waypoints),
         Start(line, problem.unknown_guesses, np.eye(problem.n)),
         # where ends are moved nothing else changes: the expressions are in the problem's own symbols
-        cache=_graph_cache(problem) if joint is None else Cache(),
+        cache=_graph_cache(problem, breaks(problem)) if joint is None else Cache(),
     )
 
 
 @derived
-def _graph_cache(problem: Problem) -> Cache:
-    """What is derived from the expressions of forms in the problem's own symbols, wherever its ends are."""
+def _graph_cache(problem: Problem, knots: tuple[float, ...]) -> Cache:
+    """What is derived from the expressions of forms in the problem's own symbols, wherever its ends are.
+
+    Parameters may move the ``knots`` of the mesh, with which much else is another.
+    """
     return Cache()
 
 

@@ -13,9 +13,10 @@ import numpy as np
 from varcalc.formulation import Form, Sampled
 from varcalc.formulation.form import second_lift
 from varcalc.formulation.singular import forms, number_of
-from varcalc.methods.moved_ends import by_moved_ends
+from varcalc.methods.moved_ends import by_what_moves
 from varcalc.numerics.mesh import SpaceCurve, composite_gauss
 from varcalc.numerics.resampled import Resampled, SentResampled, resampled
+from varcalc.problem.breaks import moving_breaks
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
@@ -244,10 +245,9 @@ def sensitivities(extremal: Extremal, count: int) -> np.ndarray:
         first, last = (extremal.evaluate(np.array([t]), 0)[:, 0] for t in form.span)
         total += np.asarray(partial(first, last, form.problem.parameter_values, extremal.unknowns)).ravel()
     total += _by_moved_surfaces(extremal)
-    if not form.problem.end_parameters:
-        return form.sign * total
-    levels = multipliers(extremal) if form.problem.constraints else ()
-    return form.sign * total + by_moved_ends(form.problem, person_curve(extremal), levels, extremal.unknowns)
+    problem = form.problem
+    levels = multipliers(extremal) if problem.constraints and (problem.end_parameters or moving_breaks(problem)) else ()
+    return form.sign * total + by_what_moves(problem, person_curve(extremal), levels, extremal.unknowns)
 
 
 def of_energy(solution: Solution) -> bool:

@@ -1,4 +1,4 @@
-"""How the functional changes when a fixed end is moved: the momentum and the energy there.
+"""How the functional changes when a fixed end, or a place where L switches, is moved: by momentum and energy there.
 
 Along extremals dJ = p . dy - (p . y' - L) dx at the end, and the same with the
 other sign at the start (Gelfand and Fomin, "Calculus of Variations", sect. 13
@@ -13,10 +13,29 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
+from varcalc.problem.breaks import along_x, breaks, moving_breaks, switches_of
 from varcalc.problem.conditions import Isoperimetric, parameters_of
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import derived
+
+AT_BREAK, BESIDE_BREAK = 1e-9, 1e-12
+"""Distance from a break, in units of the interval, that is none; and at which its sides are looked at."""
+
+
+def by_what_moves(
+    problem: Functional,
+    curve: Callable[[np.ndarray, int], np.ndarray],
+    multipliers: tuple[float | None, ...],
+    unknowns: np.ndarray,
+) -> np.ndarray | float:
+    """dJ/dparameter by all that the parameters move, shape (parameters,); 0 where that is nothing."""
+    total: np.ndarray | float = 0.0
+    if problem.end_parameters:
+        total = total + by_moved_ends(problem, curve, multipliers, unknowns)
+    if moving_breaks(problem):
+        total = total + by_moved_breaks(problem, curve, multipliers, unknowns)
+    return total
 
 
 def by_moved_ends(
@@ -42,6 +61,41 @@ def by_moved_ends(
             by_x, by_y = _covector(problem, curve, multipliers, unknowns, at)
         for name, field, component in found:
             total[names.index(name)] += outward * (by_x if field == "x" else float(by_y[component]))
+    return total
+
+
+def by_moved_breaks(
+    problem: Functional,
+    curve: Callable[[np.ndarray, int], np.ndarray],
+    multipliers: tuple[float | None, ...],
+    unknowns: np.ndarray,
+) -> np.ndarray:
+    """dJ/dparameter by what the parameters move of the abscissae at which something switches, whatever the curve.
+
+    The piece before ends there and the piece behind begins there; the momenta are the same. Shape (parameters,); NaN
+    where the rate of a place is not known, at second order and under pathwise conditions.
+    """
+    s, total = problem.symbols, np.zeros(len(problem.parameters))
+    pathwise = any(not isinstance(t.constraint, Isoperimetric) for t in problem.traced)
+    a, b = problem.span
+    for switch in switches_of(problem):
+        if not (along_x(problem, switch) and switch.depends_on(s.parameters)):
+            continue
+        rows = ca.vertcat(
+            switch.argument, ca.gradient(switch.argument, s.x), ca.gradient(switch.argument, s.parameters)
+        )
+        function = ca.Function("switch", [s.x, s.parameters], [ca.densify(rows)])
+        for at in breaks(problem):
+            value, by_x, *by_parameters = np.asarray(function(at, problem.parameter_values)).ravel().tolist()
+            if not switch.met(*(np.array(value + side * AT_BREAK * abs(by_x) * (b - a)) for side in (-1, 1))):
+                continue
+            if problem.order > 1 or pathwise or not by_x:
+                return np.full(len(total), np.nan)
+            before, behind = (
+                _covector(problem, curve, multipliers, unknowns, at + side * BESIDE_BREAK * (b - a))[0]
+                for side in (-1, 1)
+            )
+            total += (before - behind) * -np.array(by_parameters) / by_x
     return total
 
 

@@ -106,6 +106,12 @@ def breaks(problem: Functional) -> tuple[float, ...]:
     return known if isinstance(known, tuple) else problem.breakpoints
 
 
+@derived
+def moving_breaks(problem: Functional) -> bool:
+    """Whether a parameter moves an abscissa at which something switches, whatever the curve."""
+    return any(along_x(problem, s) and s.depends_on(problem.symbols.parameters) for s in switches_of(problem))
+
+
 def singular_inside(problem: Problem) -> float | None:
     """A break at which what L feels of the slope of one function tends to zero or infinity; None where there is none.
 

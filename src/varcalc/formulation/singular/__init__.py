@@ -42,7 +42,7 @@ from varcalc.formulation.singular.indicial import infinite_at, momenta_beside_en
 from varcalc.formulation.singular.inside import inside_form
 from varcalc.formulation.singular.powers import power_form
 from varcalc.formulation.singular.units import in_unit, restated
-from varcalc.problem.breaks import breaks, singular_inside
+from varcalc.problem.breaks import breaks, moving_breaks, singular_inside
 from varcalc.problem.convexity import proved_quadratic
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
@@ -118,13 +118,13 @@ def _forms_at(problem: Functional, values: tuple[float, ...]) -> tuple[Makers, d
 
 
 def _direct(problem: Functional) -> Form:
-    """The direct form, the same for all values of the parameters that move no end."""
+    """The direct form, the same for all values of the parameters that move no end and no place where L switches."""
     moved = tuple(problem.parameters[name] for name in sorted(problem.end_parameters))
-    return _direct_at(problem, moved)
+    return _direct_at(problem, moved, breaks(problem) if moving_breaks(problem) else ())
 
 
 @derived
-def _direct_at(problem: Functional, moved: tuple[float, ...]) -> Form:
+def _direct_at(problem: Functional, moved: tuple[float, ...], knots: tuple[float, ...]) -> Form:
     return _formulated(problem)
 
 
@@ -134,7 +134,7 @@ def _formulated(problem: Functional) -> Form:
         movable = form.coordinates.energetic and form.ends.joint is None
         places = Elsewhere(partial(_along_curve, problem), _formulated, partial(energetic_at, problem))
         return replace(form, elsewhere=places) if movable else form
-    if not isinstance(problem, Problem) or form.stated.is_lifted:
+    if not isinstance(problem, Problem) or form.stated.is_lifted or moving_breaks(problem):
         return form
 
     def placed(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

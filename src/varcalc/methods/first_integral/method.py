@@ -18,6 +18,7 @@ from varcalc.methods.first_integral.cyclic import Cyclic
 from varcalc.methods.first_integral.integrands import ReducedIntegrands, Stopwatch
 from varcalc.methods.first_integral.reduction import Reduction
 from varcalc.methods.first_integral.shore import Shore, landed
+from varcalc.methods.moved_ends import by_what_moves
 from varcalc.problem.conditions import Isoperimetric, components
 from varcalc.problem.functional import Functional
 from varcalc.problem.lagrangian import Lagrangian
@@ -192,6 +193,7 @@ def _solution(problem: Problem, method: FirstIntegral, best: Reduced, tol: float
         message = f"the quadrature left an error of {best.value_error:.1e}; use Ritz or Collocation"
     elif best.doubt:
         status, message = Status.NOT_CONVERGED, f"{best.doubt}; use Ritz or Collocation"
+    levels = tuple(-float(m) for m in best.multipliers)
     found = Solution(
         problem=problem,
         method=method,
@@ -200,8 +202,11 @@ def _solution(problem: Problem, method: FirstIntegral, best: Reduced, tol: float
         error=ErrorEstimate(best.value_error, best.curve_error),
         x=best.nodes,
         curve=best.curve,
-        multipliers=tuple(-float(m) for m in best.multipliers),
-        sensitivities=Deferred(tuple(problem.parameters), lambda: best.partials),
+        multipliers=levels,
+        sensitivities=Deferred(
+            tuple(problem.parameters),
+            lambda: best.partials + by_what_moves(problem, best.curve, levels, problem.unknown_guesses),
+        ),
         stats=replace(stats, unknowns=1 + len(best.multipliers), elements=best.points),
         message=message,
     )
