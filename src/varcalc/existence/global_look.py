@@ -146,6 +146,8 @@ def looked_around(solution: Solution, beside: Callable[[Solution], Polish], tol:
         one_mesh = isinstance(solution.method, Ritz) and not solution.method.refine
         way = polish if graph or (followed and not one_mesh) else None
         lower = _at_other_places(best, beside, way, seen)
+        if problem.unknowns and (lower is None or lower.local):
+            lower = _with_other_numbers(best, beside, way, seen) or lower
         if lower is None or lower.local:
             lower = _lower_in_breadths(best, seen, way) or lower
         if lower is None or lower.local:
@@ -203,6 +205,7 @@ class _LookedAt:
     together: bool = False
     bends: bool = False
     ends: bool = False
+    numbers: bool = False
     places: str = ""
     narrow: bool = False
     instead: str = ""
@@ -229,6 +232,7 @@ class _LookedAt:
         looked += " and in all directions at once," if self.together and not self.bends else ""
         looked += " and those in a box that keep a level," if self.levelled else ""
         looked += " and what all other ends cost," if self.ends else ""
+        looked += " and other values of the unknown numbers," if self.numbers else ""
         looked += f" and {self.places}," if self.places else ""
         looked += " and shifts into narrow valleys," if self.narrow else ""
         walled = self.walled and not self.bends
@@ -291,6 +295,8 @@ def _lower(best: Solution, seen: _LookedAt, polish: Polish | None, breadth: floa
     if lattice is None:
         return None
     seen.rows = seen.rows or bool(lattice.marks)
+    if lattice.marks and (fallen := _fallen(best, lattice, valleys)) is not None:
+        return fallen
     lower = _followed(best, lattice, valleys, ACROSS, polish)
     return _by_quick_ways(best, seen, lattice, ordinates, polish) or lower if lower is None or lower.local else lower
 
@@ -384,6 +390,29 @@ def _at_other_places(
             tried = LED_NOWHERE if polish is not None else "was not followed: solve by Ritz()"
             curve = f"a curve to another place of its {place.label} has the value {problem.sign * place.value:.6g}"
             marked = _marked(best, f"{curve}, and {tried}")
+    return marked
+
+
+def _with_other_numbers(
+    best: Solution, beside: Callable[[Solution], Polish], polish: Polish | None, seen: _LookedAt
+) -> Solution | None:
+    """A lower solution with another value of an unknown number, or the known one marked for one; None for neither."""
+    from varcalc.existence.other_numbers import other_numbers  # few problems have unknown numbers
+
+    problem, curve = best.problem, best.curve
+    assert curve is not None
+    seen.numbers, marked = True, None
+    for other in other_numbers(best):
+        seen.number += 1
+        if polish is not None:
+            found = beside(replace(best, problem=other.problem))(EXACT, lambda x: curve(np.atleast_1d(x), 0))
+            if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
+                return replace(found, problem=problem)
+        value = problem.sign * other.value
+        if marked is None and other.surely and _is_lower(value, best, 0.0, SURELY_LOWER):
+            tried = LED_NOWHERE if polish is not None else "was not followed: solve by Ritz()"
+            known = f"with {other.name} = {other.number:.6g} the same curve has the value {value:.6g}"
+            marked = _marked(best, f"{known}, and {tried}")
     return marked
 
 

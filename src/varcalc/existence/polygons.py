@@ -60,11 +60,13 @@ MOST_PATHS, MOST_TRIED = 16, 48
 """Polygons that are kept, the lowest first, and those that are read for that."""
 WAY_THERE = np.linspace(0, 1, 11)
 """Where on the way from one polygon to another a ridge is looked for."""
-FARTHEST_ARCH, NEARER_ARCH = 10.0 ** np.concatenate([np.arange(12.0, 2, -3), np.arange(2.0, -13, -1)]), 1e3
+FARTHEST_ARCH, NEARER_ARCH = 10.0 ** np.arange(12.0, -13, -1), 1e3
 """How far out an arch is tried at most, in extents, and less far where L is no number there.
 
 As far as this at least, but where it falls beyond all numbers: then the extents say nothing of the unit of y in L.
 """
+OVERFLOWN = 1 / 16
+"""Share of the way to an arch whose sum is beyond all numbers at which the curvature is told."""
 FALLEN = 1e3
 """How far below what the curve's own polygon sums it has to lie there."""
 APART = 1.5
@@ -503,16 +505,24 @@ class Lattice:
         away = (np.array(shapes)[:, None] * sizes[:, None]).reshape(-1, len(share))
         curves = self.c + away
         heights, slopes = 0.5 * (curves[:, 1:] + curves[:, :-1]), np.diff(curves) / self.steps
+        own_heights = 0.5 * (self.c[1:] + self.c[:-1])
         sums = values_of(self.landscape, self.middle, heights, slopes) @ self.steps
         sums = sums + sum(self.landscape.at_end(side, curves[:, -side]) for side in (0, 1))
         deep = sums < self.own_value - FALLEN * self.summed
         further = np.pad(sums.reshape(len(shapes), 2, -1)[:, :, :-1], ((0, 0), (0, 0), (1, 0))).ravel()
         deep &= np.isneginf(further) | np.tile(FARTHEST_ARCH >= NEARER_ARCH, 2 * len(shapes))
         for k in np.flatnonzero(deep).tolist():
+            # beyond all numbers nothing is told of the curvature: it is looked at on the way
+            share = OVERFLOWN if np.isneginf(sums[k]) else 1.0
+            height, slope = (
+                (1 - share) * own_heights + share * heights[k],
+                self.slope + share * (slopes[k] - self.slope),
+            )
             # of what is steep no curvature is told: it is looked at with the curve's own slopes as well
-            about = (slopes[k], self.slope)
-            if not any(concave_at(self.landscape, self.middle, heights[k], v, self.steep).any() for v in about):
-                return falls_along(self.landscape, self.x, self.c, away[k])
+            if any(concave_at(self.landscape, self.middle, height, v, self.steep).any() for v in (slope, self.slope)):
+                continue
+            if (fall := falls_along(self.landscape, self.x, self.c, away[k])) is not None:
+                return fall
         return None
 
     def apart(self, valleys: Sequence[Valley]) -> np.ndarray:
