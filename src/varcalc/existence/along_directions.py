@@ -17,6 +17,7 @@ from varcalc.existence.features import NOTHING, Features, features
 from varcalc.existence.landscape import ValuesAt
 from varcalc.formulation import Sampled
 from varcalc.methods.crossings import beside_jumps
+from varcalc.problem.breaks import uneven
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -87,7 +88,7 @@ class AlongDirection:
     @property
     def narrow(self) -> Features:
         """Where L of one function is narrow."""
-        return features(self.problem) if isinstance(self.problem, Problem) else NOTHING
+        return features(self.problem) if isinstance(self.problem, Problem) and uneven(self.problem) else NOTHING
 
     def placed(self, x: np.ndarray, levels: np.ndarray) -> np.ndarray:
         """The departures (m, j) at x (m,) that lead to ordinates (j,) of one function."""

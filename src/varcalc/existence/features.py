@@ -13,26 +13,23 @@ import numpy as np
 
 from varcalc.formulation import formulate
 from varcalc.formulation.height import breadths
-from varcalc.problem.breaks import breaks, integrals
+from varcalc.problem.breaks import breaks
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import answered
 from varcalc.symbolic.narrow import NarrowPlaces, narrow_places
-from varcalc.symbolic.variation import gentle_across
 
-HEIGHT = 8.0
+HEIGHT_OF_SQUARE = 8.0
 """Height of the square that is looked at, in units of how broad the landscape is."""
-MOST_TRIED, MOST_ROWS, MOST_LEVELS = 512, 40, 40
+MOST_CANDIDATES, MOST_ROWS, MOST_ORDINATES = 512, 40, 40
 """Abscissae that are tried, and abscissae and ordinates that are told: of more those that lie evenly among all."""
 CHANGES = 1e-2
 """Change of L from one row to the next, of the most, from which on they are told."""
 BREAK_SIDE = 1e-9
 """Distance from a break, in units of the interval, of the rows on its sides."""
-EVENLY = 129
+ORDINATES_OF_ROW = 129
 """Ordinates at which a row is looked at, besides those of boxes."""
 SHARES_OF_ROW = (0.5, 0.1, 1e-2, 1e-4)
 """Shares of how much L changes along a row at which something begins or ends there."""
-ABSCISSA = 0
-"""The argument of L that is the abscissa."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +45,10 @@ NOTHING = Features(np.zeros(0), np.zeros(0))
 
 @answered
 def features(problem: Problem) -> Features:
-    """What is narrow of a graph of one function at first order."""
-    if problem.n > 1 or problem.order > 1 or problem.symbols.kind is not ca.SX or problem.unknowns:
-        return NOTHING
-    s = problem.symbols
-    if not ca.depends_on(problem.integrand, s.x) or not ca.depends_on(problem.integrand, s.y):
-        return NOTHING
-    known = np.array(breaks(problem))
-    if not len(known) and gentle_across(integrals(problem), ABSCISSA):
-        return NOTHING
+    """What is narrow in the L of a graph of one function, of which :func:`varcalc.problem.breaks.uneven` is true."""
+    known, s = np.array(breaks(problem)), problem.symbols
     a, b = problem.span
-    height = HEIGHT * max(breadths(formulate(problem))[0], _rise(problem))
+    height = HEIGHT_OF_SQUARE * max(breadths(formulate(problem))[0], _rise(problem))
     middle = np.array([0.5 * (a + b), _level(problem)])
     point = ca.SX.sym("point", 2)
     place = [a + (b - a) * (point[0] + 0.5), middle[1] + height * point[1]]
@@ -73,7 +63,9 @@ def features(problem: Problem) -> Features:
     values = np.asarray(L.map(points.shape[1])(points)).reshape(len(rows), len(y))
     values = np.where(np.isfinite(values), values, np.nan)
     told = _telling(values)
-    return Features(a + (b - a) * (rows[told] + 0.5), middle[1] + height * _some(y[_kept(values[told])], MOST_LEVELS))
+    return Features(
+        a + (b - a) * (rows[told] + 0.5), middle[1] + height * _some(y[_kept(values[told])], MOST_ORDINATES)
+    )
 
 
 def _rise(problem: Problem) -> float:
@@ -92,8 +84,10 @@ def _tried(boxes: NarrowPlaces, known: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """Where the boxes begin, end and have their middles, and abscissae on both sides of what is known to switch."""
     edges = boxes.middle + boxes.width[:, None] * np.array([-0.5, 0.0, 0.5])[:, None, None]
     rows = np.unique(np.concatenate([edges[..., 0].ravel(), known - BREAK_SIDE, known + BREAK_SIDE]))
-    y = np.unique(np.concatenate([_some(np.unique(edges[..., 1]), MOST_TRIED), np.linspace(-0.5, 0.5, EVENLY)]))
-    return _some(rows[(rows > -0.5) & (rows < 0.5)], MOST_TRIED), y
+    y = np.unique(
+        np.concatenate([_some(np.unique(edges[..., 1]), MOST_CANDIDATES), np.linspace(-0.5, 0.5, ORDINATES_OF_ROW)])
+    )
+    return _some(rows[(rows > -0.5) & (rows < 0.5)], MOST_CANDIDATES), y
 
 
 def _some(values: np.ndarray, most: int) -> np.ndarray:

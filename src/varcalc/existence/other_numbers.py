@@ -23,11 +23,11 @@ from varcalc.solution import Solution
 from varcalc.symbolic.derived import Cache
 from varcalc.symbolic.evaluation import in_columns
 
-FARTHER = 2.0 ** np.arange(3.0, 40.0)
-EVENLY = np.linspace(-8.0, 8.0, 513)
-TRIED = np.concatenate([-FARTHER[:0:-1], EVENLY, FARTHER[1:]])
+FAR_NUMBERS = 2.0 ** np.arange(3.0, 40.0)
+NEAR_NUMBERS = np.linspace(-8.0, 8.0, 513)
+NUMBERS_TRIED = np.concatenate([-FAR_NUMBERS[:0:-1], NEAR_NUMBERS, FAR_NUMBERS[1:]])
 """Values that are tried, in units of the known one, of the guess, or of 1, and about the known one."""
-PANELS, POINTS = 16, 8
+PANELS_OF_CURVE, POINTS_OF_PANEL = 16, 8
 """Panels of the rule along the curve, and Gauss points on each."""
 MOST_FOLLOWED, FROM_AFAR = 4, (-3.0, -1.5, 1.5, 3.0)
 """Minima that are followed, and how far from the known value, in its unit, it is begun besides."""
@@ -58,7 +58,7 @@ def other_numbers(best: Solution) -> Iterator[OtherNumber]:
     found, afar = list[OtherNumber](), list[tuple[int, float]]()
     for place, name in enumerate(problem.unknowns):
         units = (1.0, abs(float(known[place])), abs(float(problem.unknown_guesses[place])))
-        about = [centre + unit * TRIED for unit in units if unit for centre in (0.0, known[place])]
+        about = [centre + unit * NUMBERS_TRIED for unit in units if unit for centre in (0.0, known[place])]
         tried = np.unique(np.concatenate([known[[place]], *about]))
         numbers = np.tile(known, (len(tried), 1))
         numbers[:, place] = tried
@@ -95,7 +95,7 @@ def _summed(best: Solution, numbers: np.ndarray) -> tuple[np.ndarray, float]:
     problem, curve = best.problem, best.curve
     assert isinstance(problem, Problem)
     assert curve is not None
-    x, weights = composite_gauss(np.linspace(*_ends(best), PANELS + 1), POINTS)
+    x, weights = composite_gauss(np.linspace(*_ends(best), PANELS_OF_CURVE + 1), POINTS_OF_PANEL)
     y, dy = curve(x, 0), curve(x, 1)
     levels = [m for c, m in zip(problem.constraints, best.multipliers, strict=True) if isinstance(c, Isoperimetric)]
     prices = problem.sign * np.array([1.0, *(-float(m or 0.0) for m in levels)])

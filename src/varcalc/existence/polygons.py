@@ -20,12 +20,12 @@ from typing import Protocol
 import numpy as np
 
 from varcalc.existence.falling import Fall, falls_along
-from varcalc.existence.features import Features, features
+from varcalc.existence.features import NOTHING, Features, features
 from varcalc.existence.landscape import Landscape, LandscapeWithUnit, ValuesAt
 from varcalc.formulation import Sampled, formulate
 from varcalc.formulation.height import breadths, turns_along_lines
 from varcalc.numerics.mesh import gauss
-from varcalc.problem.breaks import on_curve
+from varcalc.problem.breaks import on_curve, uneven
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.evaluation import PART
 
@@ -140,7 +140,7 @@ class Graphs:
     @property
     def narrow(self) -> Features:
         """Where L is narrow."""
-        return features(self.problem)
+        return features(self.problem) if uneven(self.problem) else NOTHING
 
     def placed(self, x: np.ndarray, levels: np.ndarray) -> np.ndarray:
         """Ordinates (j,) at all x (m,); shape (m, j)."""

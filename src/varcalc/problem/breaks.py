@@ -17,9 +17,12 @@ from varcalc.symbolic.joins import joined
 from varcalc.symbolic.places import FINEST, places
 from varcalc.symbolic.switches import SWITCHING, Switch, switches, tables
 from varcalc.symbolic.tracing import Expression
+from varcalc.symbolic.variation import gentle_across
 
 BREAK_OFFSETS, GROWN = (1e-4, 1e-8), 1.5
 """Distances from a break, in units of the interval, and the ratio of what is found at both that is no limit."""
+ABSCISSA = 0
+"""The argument of L that is the abscissa."""
 
 
 @derived
@@ -104,6 +107,17 @@ def breaks(problem: Functional) -> tuple[float, ...]:
     """
     known = _placed(problem)
     return known if isinstance(known, tuple) else problem.breakpoints
+
+
+@derived
+def uneven(problem: Problem) -> bool:
+    """Whether L of a graph of one function may be narrow, or jump, along x where a curve need not go."""
+    s = problem.symbols
+    if problem.n > 1 or problem.order > 1 or s.kind is not ca.SX or problem.unknowns:
+        return False
+    if not (ca.depends_on(problem.integrand, s.x) and ca.depends_on(problem.integrand, s.y)):
+        return False
+    return bool(problem.breakpoints or switches_of(problem)) or not gentle_across(integrals(problem), ABSCISSA)
 
 
 @derived
