@@ -255,3 +255,11 @@ def test_a_curve_that_a_moving_kink_holds_all_along_is_verified(place, end):
     assert vc.verify(solution).verdict is vc.Verdict.MINIMUM
     x = np.linspace(0, end, 7)
     assert solution.y(x) == pytest.approx(np.asarray(ca.DM(place(ca.DM(x)))).ravel(), abs=1e-12)
+
+
+@pytest.mark.parametrize("k", [1.01, 1.0001, 0.999])
+def test_a_kink_next_to_the_start_is_come_to(k):
+    """Of y'² + |y - k| the way from a distance a costs 4/3 a^1.5; it takes a hundredth of the interval here."""
+    solution = vc.solve(vc.Problem(lambda x, y, v: v**2 + ca.fabs(y - k), vc.Fixed(0, 1), vc.Fixed(5, -1)))
+    assert solution.value == pytest.approx(4 / 3 * (abs(1 - k) ** 1.5 + (1 + k) ** 1.5), rel=1e-9)
+    assert not solution.local

@@ -252,3 +252,16 @@ def test_where_l_does_not_feel_the_slope_at_an_end_alone_the_hessian_decides():
     assert "an end, where the Hessian must decide" in sentences(check)
     beyond = vc.solve(vc.Problem(lambda r, y, dy: r * (dy**2 - y**2), vc.Free(0), vc.Fixed(3, 1)), throw=False)
     assert not beyond.status.ok
+
+
+def test_a_rest_on_a_shelf_behind_another_jump_is_a_minimum():
+    """Where L falls by 1.1 at y = 1/2 and by 3 at 1.45 the curve goes straight there, rests and comes back."""
+    shelf, step = lambda y: ca.if_else(y >= 1.45, -3.0, 0.0), lambda y: ca.if_else(y > 0.5, 0.2, 1.3)
+    problem = vc.Problem(lambda x, y, v: v**2 + shelf(y) + step(y), vc.Fixed(0, 0), vc.Fixed(3, 0.2))
+    solution = vc.solve(problem)
+    # on the way v² is how much L lies above that of the shelf
+    low, high = np.sqrt(1.3 + 2.8), np.sqrt(0.2 + 2.8)
+    times = 0.8 / low, 2 * 0.95 / high
+    value = times[0] * (low**2 + 1.3) + times[1] * (high**2 + 0.2) - 2.8 * (3 - sum(times))
+    assert solution.value == pytest.approx(value, rel=1e-10)
+    assert vc.verify(solution).verdict is vc.Verdict.MINIMUM

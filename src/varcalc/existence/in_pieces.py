@@ -58,6 +58,8 @@ FOLLOWED_TO = 1e-6
 """Size of what is zero along a stretch, in its own units, to which an interior-point method holds it."""
 NEAR_ENDS = 1e-3
 """Share of the interval within which what is followed is followed from an end, or to it."""
+SHARE_OF_WAY = 0.2
+"""Share of a stretch along a kink in which a curve comes to it from an end beside it at most, to begin with."""
 VANISHED = 1.5
 """Of the least length that a piece may have: one that is no longer has vanished."""
 TIMES_PUT_TOGETHER = 6
@@ -303,8 +305,34 @@ def _piece(problem: Problem, crossing: Crossing, bent: Sequence[float]) -> Refra
     surface = switch.argument - crossing.level
     if crossing.until is not None:
         first, last = problem.span
-        near = NEAR_ENDS * (last - first)
-        start = first if crossing.x - first < near else crossing.x
-        end = last if last - crossing.until < near else crossing.until
+        start, end, near = crossing.x, crossing.until, NEAR_ENDS * (last - first)
+        if start - first < near:
+            start = first + _way_to_kink(problem, crossing, 0)
+        if last - end < near:
+            end = last - _way_to_kink(problem, crossing, 1)
         return Ride(start, end, surface, (start in bent, end in bent))
     return Refraction(crossing.x, None if switch.depends_on(s.highest) else surface)
+
+
+def _way_to_kink(problem: Problem, crossing: Crossing, side: int) -> float:
+    """How long the curve takes from the start (0), or to the end (1), that is given beside what is followed; 0 on it.
+
+    Beside a kink it is a parabola that comes to rest there: L_v'v' h'' = L_y.
+    """
+    s, end = problem.symbols, (problem.start, problem.end)[side]
+    assert crossing.until is not None
+    if problem.n > 1 or problem.order > 1 or not end.fixed or crossing.switch.depends_on(ca.vertcat(s.dy, s.unknowns)):
+        return 0.0
+    x, y = problem.span[side], float(end.values(1)[0])
+    rows = ca.vertcat(crossing.switch.argument, ca.gradient(crossing.switch.argument, s.y))
+    function = ca.Function("argument", [s.x, s.y, s.parameters], [ca.densify(rows)])
+    value, rate = np.asarray(function(x, y, problem.parameter_values)).ravel().tolist()
+    away = (value - crossing.level) / rate if rate else 0.0
+    if not abs(away) > ARGUMENT_ROUND_OFF * max(1.0, abs(x), abs(y)):
+        return 0.0
+    bend, pull = ca.hessian(problem.integrand, s.dy)[0], ca.gradient(problem.integrand, s.y)
+    felt = ca.Function("felt", s.all, [ca.densify(ca.vertcat(bend, pull))])
+    given = [x, y, 0.0, np.zeros(0), problem.parameter_values, problem.unknown_guesses]
+    curvature, force = np.abs(np.asarray(felt(*given)).ravel())
+    length, most = math.sqrt(2 * abs(away) * curvature / force) if force else math.inf, crossing.until - crossing.x
+    return min(length, SHARE_OF_WAY * most) if length > 0 else SHARE_OF_WAY * most

@@ -49,6 +49,8 @@ POLISHING_ROUNDS = 8
 MOST_POLISHED_UNKNOWNS = 4000
 MOST_VERTICES = 65
 """Vertices of a given curve's mesh beyond which it is not taken over."""
+ENDS_KNOWN = 1e-6
+"""How nearly the ends of a stretch along which a curve is held are known, in units of its length."""
 NEGLIGIBLE_VARIATION = 1e-12
 """Variation of a function, in units of its size, that is round-off."""
 
@@ -109,6 +111,8 @@ def candidate(solution: Solution) -> Candidate:
     if on_curve(solution.problem):
         held += tuple(stretches_beside_jumps(solution, HELD_TO))
     if held and own is not None and not own.form.broken_at_switches:
+        # the force of what is crossed elsewhere is none of either side's either
+        held = tuple(sorted([*held, *((c.x, c.x) for c in met if c.until is None and not _within(c.x, held))]))
         return Candidate(solution, own, None, "a kink or a jump of L holds the curve", held=held)
     start = own if own is not None and not own.form.coordinates.weak_only else in_regular_form(solution)
     if start is None:
@@ -125,6 +129,11 @@ def candidate(solution: Solution) -> Candidate:
         # a curve that is only sampled in the form's coordinates is no basis for derivatives
         return Candidate(solution, own, None if own is None or own.form.coordinates.weak_only else start, outcome)
     return Candidate(solution, own, outcome, "")
+
+
+def _within(x: float, stretches: tuple[tuple[float, float], ...]) -> bool:
+    """Whether an abscissa lies on one of some stretches, or at its ends as nearly as these are known."""
+    return any(low - ENDS_KNOWN * (high - low) <= x <= high + ENDS_KNOWN * (high - low) for low, high in stretches)
 
 
 def undivided(extremal: Extremal, value: float) -> Extremal:

@@ -29,6 +29,8 @@ FAINT = 1e-8
 """Momentum in units of H / slope, the slope that of the curve's chords, below which it is as good as zero."""
 BESIDE_HELD = 0.02
 """Share of a stretch that is held, beside it, which counts to it: its ends are known as closely as a mesh shows."""
+SAME_VERTEX = 1e-9
+"""Distance of a vertex from where a part begins or ends, in units of its length, that is none."""
 SINGULAR_SHARE = 0.1
 """Part of the interval beside each singular end that is left out in coordinates that are singular there."""
 
@@ -137,7 +139,8 @@ def _between(along: AlongCurve, low: float, high: float) -> AlongCurve:
     """The same functional on part of its interval."""
     if (low, high) == along.span:
         return along
-    inner = along.vertices[(along.vertices > low) & (along.vertices < high)]
+    room = SAME_VERTEX * (high - low)
+    inner = along.vertices[(along.vertices > low + room) & (along.vertices < high - room)]
     return replace(along, span=(low, high), vertices=np.concatenate([[low], inner, [high]]))
 
 
