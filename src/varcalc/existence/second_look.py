@@ -14,6 +14,7 @@ from varcalc.existence.falling import falling
 from varcalc.formulation import formulate
 from varcalc.formulation.singular.detection import GROWN, PROBE
 from varcalc.formulation.singular.indicial import powers_at_ends
+from varcalc.problem.attained import proved_attained
 from varcalc.problem.breaks import kinked_table, kinks_at_ends
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.functional import Functional
@@ -54,7 +55,7 @@ def second_look(problem: Functional, tol: float, failure: Solution, *, smooth: b
     if found is not None and len(found):
         return _judged(failure, found)
     if found is not None and found.complete:
-        return refused(failure, none_found(problem, found))
+        return _unfound(problem, failure, found)
     if approach is not None and approach.concentrates and not _steep_at_an_end(problem):
         failure = refused(failure, approach.finding)
     return failure
@@ -136,6 +137,14 @@ def none_found(problem: Functional, found: Extremals) -> Finding:
     instead = "" if rival is None else f"; {rival.sentence}"
     sentence = f"there is no extremal between these ends, among {found.searched.split(';')[0]}{instead}"
     return Finding(Verdict.NO_EXTREMAL, sentence)
+
+
+def _unfound(problem: Functional, failure: Solution, found: Extremals) -> Solution:
+    """The failure with what a search says that found none: that there is none, unless there is a least curve."""
+    if not proved_attained(problem):
+        return refused(failure, none_found(problem, found))
+    exists = "L grows with the square of the slope and is bounded below, so that there is a least curve: give a guess"
+    return replace(failure, message="; ".join(filter(None, [failure.message, exists])))
 
 
 def _judged(failure: Solution, found: Extremals) -> Solution:

@@ -11,6 +11,7 @@ from varcalc.existence.corners import RELAXED_PIECES, convex
 from varcalc.existence.falling import falling
 from varcalc.existence.relaxation import applies, relaxed
 from varcalc.existence.second_look import none_found, regular
+from varcalc.problem.attained import proved_attained
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.search import extremals
@@ -72,7 +73,7 @@ class ProblemExamination:
             yield Finding(None, f"searched: {found.searched}")
         elif solution.status.ok or solution.verdict is Verdict.NO_EXTREMAL:
             return
-        elif found.complete and regular(self.problem):
+        elif found.complete and regular(self.problem) and not proved_attained(self.problem):
             yield none_found(self.problem, found)
         else:
             yield Finding(None, f"no extremal was found: {found.searched}")
