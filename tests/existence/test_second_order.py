@@ -113,3 +113,22 @@ def test_a_strut_that_gives_way_far_out_has_no_least_value(above):
     )  # fmt: skip
     found = vc.solve(problem, throw=False)
     assert found.verdict is vc.Verdict.UNBOUNDED or found.lower == -np.inf
+
+
+@pytest.mark.parametrize("rest", [lambda y, v: y**2, lambda y, v: y**2 + v**2])
+def test_bends_that_alternate_are_not_ruled_out(rest):
+    """Of (y''² - 1)² + y² finer and finer alternation comes to 0, which no curve attains."""
+    problem = vc.Problem(lambda x, y, v, w: (w**2 - 1) ** 2 + rest(y, v), vc.Fixed(0, 0), vc.Fixed(1, 0), order=2)
+    solution = vc.solve(problem, throw=False)
+    assert not solution.status.ok or solution.local
+
+
+def test_a_loose_tolerance_does_not_hide_what_is_narrow():
+    """Of v² g / 2 with a dip of g the value is rise² / 2 by the integral of 1 / g; a tolerance of 0.01 hid the dip."""
+    g = lambda x, exp: 1 - 0.999 * exp(-(((x - 1.7) / 0.001) ** 2))  # noqa: E731
+    problem = vc.Problem(lambda x, y, v: v**2 / 2 * g(x, ca.exp), vc.Fixed(0, 0), vc.Fixed(4, 3))
+    x = np.unique(np.concatenate([np.linspace(0, 4, 4001), 1.7 + 0.001 * np.linspace(-8, 8, 400001)]))
+    middle, h = 0.5 * (x[1:] + x[:-1]), np.diff(x)
+    value = 4.5 / float((h / g(middle, np.exp)).sum())
+    solution = vc.solve(problem, tol=1e-2)
+    assert solution.value == pytest.approx(value, rel=1e-6)

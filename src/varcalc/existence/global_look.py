@@ -51,7 +51,7 @@ from varcalc.solution import PROVED, Solution
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.variation import gentle_across
 from varcalc.verify.between import keeps_bounds
-from varcalc.verify.slopes import concave_beside
+from varcalc.verify.slopes import concave_beside, concave_in_bend
 
 if TYPE_CHECKING:
     from varcalc.existence.along_directions import AlongDirection
@@ -632,6 +632,10 @@ def _surely_lower(best: Solution, lattice: Lattice, valley: Valley) -> bool:
 
 def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
     """The solution with what was looked at, and marked local where something ``lower`` is known."""
+    if lower is None and concave_in_bend(best):
+        kind = "maximum" if best.problem.maximise else "minimum"
+        rest = "L is not convex in the second derivative, and curves that bend to and fro more often were not compared"
+        return replace(best, local=True, message=f"perhaps a local {kind} only: {rest}", searched=looked)
     if lower is None:
         return replace(best, searched=looked)
     if lower.status.ok and not lower.local:  # another solution, which is told of

@@ -14,7 +14,7 @@ import numpy as np
 from varcalc.problem.breaks import switches_of
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.symbolic.intervals import enclosures
+from varcalc.symbolic.intervals import Interval, enclosures
 
 
 def proved_attained(problem: Functional) -> bool:
@@ -39,11 +39,9 @@ def proved_attained(problem: Functional) -> bool:
     curvature, linear = (np.asarray(v) for v in known(problem.parameter_values))
     if not (np.linalg.eigvalsh(curvature) > 0).all() or linear.any():
         return False
-    everywhere = np.array(-np.inf), np.array(np.inf)
-    interval, numbers = (
-        tuple(map(np.array, problem.span)),
-        [(np.array(v), np.array(v)) for v in problem.parameter_values],
-    )
-    boxes = [[interval], [everywhere] * problem.n, numbers]
+    first, last = problem.span
+    boxes: list[list[Interval]] = [[(np.array(first), np.array(last))]]
+    boxes.append([(np.array(-np.inf), np.array(np.inf))] * problem.n)
+    boxes.append([(np.array(v), np.array(v)) for v in problem.parameter_values])
     (enclosed,) = enclosures(ca.Function("at_rest", [s.x, s.y, s.parameters], [ca.densify(at_rest[0])]), boxes)
     return math.isfinite(float(enclosed[0][0]))

@@ -37,6 +37,8 @@ EXCESS_AT_CORNERS = 1e-6
 """The same where L is not convex: at a corner there is a slope of no excess, but for the error of the curve's own."""
 STEPS_ONTO_SWITCH, BESIDE_JUMP = 4, 1e-9
 """Newton's steps to slopes at which L switches, and how far on either side of these are tried, relative to them."""
+BENDS_ABOUT, BENDS_TRIED = 4.0, 65
+"""How far from a curve's own second derivatives others are tried, in units of theirs or 1, and how many."""
 ALONE_AT_LEVEL = {"sign", "==", "!="}
 """What may have a value of its own at the very place where it switches."""
 STEPS_TO_LEAST_EXCESS = 4
@@ -114,6 +116,24 @@ def concave_beside(solution: Solution) -> bool:
             if _roots_of_quadratics(along.value, along.momenta[0], along.curvature[:, 0, 0], *telling).all():
                 return False
     return SlopeFan.of(solution, places(solution)).concave()
+
+
+def concave_in_bend(solution: Solution) -> bool:
+    """Whether L of a graph of one function at second order is concave in y'' somewhere about those of its points."""
+    problem, curve = solution.problem, solution.curve
+    if not (isinstance(problem, Problem) and problem.order == 2 and problem.n == 1) or curve is None:
+        return False
+    x = places(solution)
+    y, slope, bend = (curve(x, k) for k in range(3))
+    turns = max(1.0, float(np.abs(bend).max())) * np.linspace(-BENDS_ABOUT, BENDS_ABOUT, BENDS_TRIED)
+    bends = bend[0][:, None] + turns
+    rows = [np.repeat(row, BENDS_TRIED) for row in (x, y[0], slope[0])]
+    with np.errstate(all="ignore"):
+        values = problem.integrand_values(rows[0], rows[1][None], rows[2][None], ddy=bends.reshape(1, -1))
+        values = problem.sign * values.reshape(bends.shape)
+        second = values[:, 2:] - 2 * values[:, 1:-1] + values[:, :-2]
+        size = np.abs(values[:, 2:]) + 2 * np.abs(values[:, 1:-1]) + np.abs(values[:, :-2])
+    return bool((second < -ROUND_OFF_EXCESS * size).any())
 
 
 def convinced(problem: Problem, x: np.ndarray, y: np.ndarray, slopes: np.ndarray, parameters: np.ndarray) -> np.ndarray:
