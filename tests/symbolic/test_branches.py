@@ -75,3 +75,28 @@ def test_the_other_direction_of_friction_follows_its_parameter():
         solution = vc.solve(problem.with_parameters({"mu": mu}))
         # y' = 6 - mu - 12 x up to y' = 0: -2 times the integral of (6 - mu - 12 x)^2 / 2
         assert solution.value == pytest.approx(-((6 - mu) ** 3) / 36, rel=1e-9)
+
+
+@pytest.mark.parametrize("narrow", [
+    lambda x: ca.fabs(x - 0.788) < 0.00857,
+    lambda x: ca.logic_and(x > 0.4321, x < 0.4322),
+], ids=["about a place", "between two"])  # fmt: skip
+def test_a_condition_that_holds_on_a_narrow_range_is_left_as_it_is(narrow):
+    """At all points at which sides are held against each other it is false, and both sides are 0."""
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    for condition in (y < 0.226, -(y - 0.226) < 0):
+        written = continued(ca.if_else(ca.logic_and(narrow(x), condition), 5, 0), [x, y], y)
+        function = ca.Function("written", [x, y], [written])
+        place = 0.788 if float(ca.Function("n", [x], [narrow(x)])(0.788)) else 0.43215
+        held = {float(function(place, height)) for height in (0.2, 0.3)}
+        assert held == {0.0, 5.0}
+
+
+def test_what_a_gaussian_leaves_of_a_jump_is_no_kink():
+    """Both sides are 0 but for a thousandth of x; and they differ by y there and by more within it."""
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    spike = ca.exp(-(((x - 0.788) / 1e-4) ** 2))
+    for branch, value in ((400 * spike, 400.0), (y + 400 * spike, 400.5)):
+        function = ca.Function("written", [x, y], [continued(ca.if_else(y > 0, branch, 0), [x, y], y)])
+        assert float(function(0.788, 0.5)) == pytest.approx(value, rel=1e-12)
+        assert float(function(0.788, -0.5)) == 0.0

@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 
 from varcalc.symbolic import intervals
-from varcalc.symbolic.instructions import Call, interpret, operate
-from varcalc.symbolic.switches import CONTINUOUS, SWITCHING, alike, arguments
+from varcalc.symbolic.instructions import Call, in_numbers, interpret, operate
+from varcalc.symbolic.switches import CONDITIONS, CONTINUOUS, SWITCHING, alike, arguments
 from varcalc.symbolic.tracing import Expression
 
 TWO_SIDED = {ca.OP_LT, ca.OP_LE, ca.OP_SIGN}
@@ -33,6 +33,10 @@ IDENTICAL = 1e-11
 """Difference, relative to what it is made of, of two expressions that are one."""
 MOST_OPEN = 6
 """Jumps that an operation may stand on; beyond them nothing is joined."""
+VANISHING = SWITCHING | {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH, ca.OP_SINH}
+"""Operations whose results, or what is made of them, may be 0 over wide ranges of what they are done to."""
+MIXING, SPREADING, EITHER = (12.9898, 78.233, 37.719), 43758.5453, 0.5
+"""Of numbers that seem drawn at random: factors of arguments, and of a sine, whose last digits they are."""
 DOMAINS: dict[int, tuple[int, float]] = {
     ca.OP_SQRT: (0, 0.0), ca.OP_LOG: (0, math.ulp(0.0)), ca.OP_INV: (0, math.ulp(0.0)), ca.OP_DIV: (1, math.ulp(0.0)),
 }  # fmt: skip
@@ -170,11 +174,27 @@ def multiple(expression: Expression, other: Expression) -> float:
 
 
 def _tried(expressions: Sequence[Expression], variables: Expression) -> np.ndarray:
-    """Expressions at the points tried; (expressions, sizes, points)."""
-    points = SIZES[:, None, None] * TRIED[:, : variables.numel()]
+    """Expressions at the points tried, with every function, and with any for those that vanish; (expressions, ., .).
+
+    What is narrow, as a condition on x is, and a Gaussian, is nothing at all points that are tried. What agrees
+    whatever number such a function has, the same for the same argument, agrees everywhere.
+    """
+    points = (SIZES[:, None, None] * TRIED[:, : variables.numel()]).reshape(-1, variables.numel()).T
     function = ca.Function("tried", [variables], [ca.densify(ca.vertcat(*expressions))])
-    values = np.asarray(function(points.reshape(-1, variables.numel()).T))
-    return values.reshape(len(expressions), len(SIZES), -1)
+    known = np.asarray(function(points)).reshape(len(expressions), len(SIZES), -1)
+    with np.errstate(all="ignore"):
+        (anyhow,) = interpret(function, [list(points)], np.array, _any_number)
+    rows = [np.broadcast_to(row, points.shape[1:]).reshape(len(SIZES), -1) for row in anyhow]
+    return np.concatenate([known, np.array(rows, dtype=float)], axis=1)
+
+
+def _any_number(operation: int, operands: Sequence[np.ndarray]) -> np.ndarray:
+    """The operation; where it may vanish over wide ranges some number for each of its arguments, or some condition."""
+    if operation not in VANISHING or all(np.ptp(o) == 0 for o in operands):
+        return np.asarray(in_numbers(operation)(*operands))
+    mixed = sum(factor * np.asarray(o) for factor, o in zip(MIXING, operands, strict=False))
+    number = np.modf(np.abs(np.sin(mixed)) * SPREADING)[0]
+    return np.where(number < EITHER, 0.0, 1.0) if operation in CONDITIONS else number
 
 
 def _trend(difference: Expression, variable: Expression, variables: Expression) -> float:

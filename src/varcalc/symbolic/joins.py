@@ -157,7 +157,7 @@ def _same(here: Expression, there: Expression, variables: Expression, switch: Sw
 
     Their difference is held against what it is elsewhere, and against their own round-off.
     """
-    tried, columns = 0, (here - there, here, there)
+    tried, seen, columns = 0, False, (here - there, here, there)
     for wide in WIDE:
         on, off = (
             np.array([v for v in _at(columns, variables, points) if np.isfinite(v).all()]).reshape(-1, 3, here.numel())
@@ -165,9 +165,11 @@ def _same(here: Expression, there: Expression, variables: Expression, switch: Sw
         )
         tried += len(on)
         elsewhere = np.abs(off[:, 0]).max(axis=0, initial=0.0)
+        seen = seen or bool(elsewhere.any())
         if np.any(np.abs(on[:, 0]) > np.maximum(UNFELT * elsewhere, SWITCH_ROUND_OFF * np.abs(on[:, 1:]).sum(1))):
             return False
-    return tried >= ENOUGH_POINTS
+    # what vanishes wherever it was tried may be narrow
+    return tried >= ENOUGH_POINTS and seen
 
 
 def _at(rows: Sequence[Expression], variables: Expression, points: Iterable[np.ndarray]) -> list[np.ndarray]:
@@ -188,10 +190,13 @@ def _size_unfelt(stated: _Stated, switch: Switch) -> bool:
         return {ca.OP_FABS: size, ca.OP_FMAX: 0.5 * (a + b + size), ca.OP_FMIN: 0.5 * (a + b - size)}[operation]
 
     written = stated.rewritten([switch], sized)
-    felt = ca.Function("felt", [variables, size], [ca.densify(ca.jacobian(written, size))])
+    rates = ca.sparsify(ca.jacobian(written, size))
+    felt = ca.Function("felt", [variables, size], [ca.densify(rates)])
     found = _points_on(switch, variables, STARTS)
     ratios = [_felt(felt, there, 0.0) / max(_felt(felt, there, 1.0), 1e-300) for there in found]
     known = [ratio for ratio in ratios if np.isfinite(ratio)]
+    if rates.nnz() and not any(_felt(felt, start[: variables.numel()], 1.0) > 0.0 for start in STARTS):
+        return False  # what is felt nowhere that was tried may be narrow
     return len(known) >= ENOUGH_POINTS and max(known) <= UNFELT
 
 
