@@ -66,12 +66,21 @@ def test_a_gate_in_a_wall_is_gone_through(x0, w, y0, g, height):
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
-def test_a_wall_that_one_can_go_round_does_not_hold_the_least_curve(two_sided):
+def test_the_least_curve_goes_round_a_wall(two_sided):
     """A tenth of the interval wide, with an edge at 0.6: round it costs 1.6, through it 2."""
     wall = lambda x, y: ca.logic_and(ca.fabs(x - 0.5) < 0.05, (ca.fabs(y) if two_sided else y) < 0.6)  # noqa: E731
     solution = vc.solve(vc.Problem(lambda x, y, v: v**2 + 20 * wall(x, y), vc.Fixed(0, 0), vc.Fixed(1, 0)))
-    over = 2 * 0.6**2 / 0.45
-    assert solution.local or solution.value <= over * (1 + 1e-9)
+    assert solution.value == pytest.approx(2 * 0.6**2 / 0.45, rel=1e-10)
+    assert not solution.local
+
+
+def test_the_shortest_way_goes_round_what_is_hardly_passed():
+    """Index 201 where |x - 1/2| < 1/100 and y < 9/10: two lines to the corners, and one along the top."""
+    dense = lambda x, y: ca.logic_and(ca.fabs(x - 0.5) < 0.01, y < 0.9)  # noqa: E731
+    problem = vc.Problem(lambda x, y, v: (1 + 200 * dense(x, y)) * ca.sqrt(1 + v**2), vc.Fixed(0, 0), vc.Fixed(1, 0))
+    solution = vc.solve(problem)
+    assert solution.value == pytest.approx(2 * np.hypot(0.49, 0.9) + 0.02, rel=1e-10)
+    assert not solution.local
 
 
 def test_a_closed_curve_is_shifted_into_a_narrow_well():

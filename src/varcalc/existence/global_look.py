@@ -99,6 +99,8 @@ WITHDRAWN = 0.9
 ROUGHLY = 0.05
 """How far above the known value a rough one may be, in units of what is summed, for the valley to be lower."""
 
+TOLERANCE = 1e-10
+"""To which curves about the corners of walls are found."""
 NONE_LOWER = 1e-6
 """How much lower a polygon has to be, in units of what is summed, to be so."""
 NEARLY = 1e-2
@@ -773,10 +775,23 @@ def _by_moved_polygon(best: Solution, lattice: Valleys, valley: Valley, polish: 
     nearly = NEARLY if _away(start, best, best.x) >= ONE_CURVE else 0.0
     if not polygon.value < sign * best.value + nearly * _size(lattice, valley):
         return None
+    if valley.marks and (found := _about_corners(best, valley)) is not None:
+        return found
     found = polish(IN_NARROW, start, polygon.marks)
     if found.status.ok:
         return found if _is_lower(found.value, best, found.error.value, LOWER) else None
     return _by_polygon(best, lattice, polygon, followed=True)
+
+
+def _about_corners(best: Solution, valley: Valley) -> Solution | None:
+    """The lower solution that goes about corners of walls as the polygon in a valley does; None where there is none."""
+    from varcalc.existence.wall_corners import about_corners_of_walls  # few landscapes have walls
+
+    problem, curve = best.problem, best.curve
+    if not isinstance(problem, Problem) or curve is None:
+        return None
+    found = about_corners_of_walls(problem, valley, curve, TOLERANCE)
+    return found if found is not None and _is_lower(found.value, best, found.error.value, LOWER) else None
 
 
 def _by_polygon(best: Solution, lattice: Valleys, valley: Valley, *, followed: bool) -> Solution | None:

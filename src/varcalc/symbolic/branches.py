@@ -33,7 +33,7 @@ IDENTICAL = 1e-11
 """Difference, relative to what it is made of, of two expressions that are one."""
 MOST_OPEN = 6
 """Jumps that an operation may stand on; beyond them nothing is joined."""
-VANISHING = SWITCHING | {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH, ca.OP_SINH}
+ZERO_OVER_RANGES = SWITCHING | {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH, ca.OP_SINH}
 """Operations whose results, or what is made of them, may be 0 over wide ranges of what they are done to."""
 MIXING, SPREADING, EITHER = (12.9898, 78.233, 37.719), 43758.5453, 0.5
 """Of numbers that seem drawn at random: factors of arguments, and of a sine, whose last digits they are."""
@@ -190,7 +190,7 @@ def _tried(expressions: Sequence[Expression], variables: Expression) -> np.ndarr
 
 def _any_number(operation: int, operands: Sequence[np.ndarray]) -> np.ndarray:
     """The operation; where it may vanish over wide ranges some number for each of its arguments, or some condition."""
-    if operation not in VANISHING or all(np.ptp(o) == 0 for o in operands):
+    if operation not in ZERO_OVER_RANGES or all(np.ptp(o) == 0 for o in operands):
         return np.asarray(in_numbers(operation)(*operands))
     mixed = sum(factor * np.asarray(o) for factor, o in zip(MIXING, operands, strict=False))
     number = np.modf(np.abs(np.sin(mixed)) * SPREADING)[0]
