@@ -100,3 +100,11 @@ def test_what_a_gaussian_leaves_of_a_jump_is_no_kink():
         function = ca.Function("written", [x, y], [continued(ca.if_else(y > 0, branch, 0), [x, y], y)])
         assert float(function(0.788, 0.5)) == pytest.approx(value, rel=1e-12)
         assert float(function(0.788, -0.5)) == 0.0
+
+
+def test_what_numpy_has_no_form_of_is_held_against_itself():
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    rise = ca.erfinv(x)
+    function = ca.Function("written", [x, y], [continued(ca.if_else(y > 0, y + rise, rise - y), [x, y], y)])
+    assert JUMPING.isdisjoint(map(function.instruction_id, range(function.n_instructions())))
+    assert float(function(0.3, -2.0)) == pytest.approx(2 + float(ca.erfinv(ca.DM(0.3))), rel=1e-14)

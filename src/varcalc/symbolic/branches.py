@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.symbolic import intervals
-from varcalc.symbolic.instructions import Call, in_numbers, interpret, operate
+from varcalc.symbolic.instructions import BINARY, UNARY, Call, in_numbers, interpret, operate
 from varcalc.symbolic.switches import CONDITIONS, CONTINUOUS, SWITCHING, alike, arguments
 from varcalc.symbolic.tracing import Expression
 
@@ -190,7 +190,8 @@ def _tried(expressions: Sequence[Expression], variables: Expression) -> np.ndarr
 
 def _any_number(operation: int, operands: Sequence[np.ndarray]) -> np.ndarray:
     """The operation; where it may vanish over wide ranges some number for each of its arguments, or some condition."""
-    if operation not in ZERO_OVER_RANGES or all(np.ptp(o) == 0 for o in operands):
+    known = isinstance(operation, Call) or operation in UNARY or operation in BINARY
+    if known and (operation not in ZERO_OVER_RANGES or all(np.ptp(o) == 0 for o in operands)):
         return np.asarray(in_numbers(operation)(*operands))
     mixed = sum(factor * np.asarray(o) for factor, o in zip(MIXING, operands, strict=False))
     number = np.modf(np.abs(np.sin(mixed)) * SPREADING)[0]
