@@ -74,6 +74,16 @@ def test_the_least_curve_goes_round_a_wall(two_sided):
     assert not solution.local
 
 
+def test_what_moves_a_wall_has_no_known_rate():
+    problem = vc.Problem(
+        lambda x, y, v, p: v**2 + 20 * p.s * ca.logic_and(ca.fabs(x - 0.5) < 0.05, y < p.h),
+        vc.Fixed(0, 0), vc.Fixed(1, 0), parameters={"h": 0.6, "s": 1.0},
+    )  # fmt: skip
+    rates = vc.solve(problem).sensitivities
+    assert np.isnan(rates["h"])
+    assert rates["s"] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_the_shortest_way_goes_round_what_is_hardly_passed():
     """Index 201 where |x - 1/2| < 1/100 and y < 9/10: two lines to the corners, and one along the top."""
     dense = lambda x, y: ca.logic_and(ca.fabs(x - 0.5) < 0.01, y < 0.9)  # noqa: E731

@@ -6,6 +6,7 @@ least where they press it: the momentum changes there as it would if the curve w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -18,7 +19,7 @@ from varcalc.existence.directions import CurveOrSlope, polygonal
 from varcalc.existence.polygons import Valley
 from varcalc.formulation import formulate
 from varcalc.methods.ritz.method import Ritz
-from varcalc.problem.breaks import breaks
+from varcalc.problem.breaks import breaks, switches_of
 from varcalc.problem.conditions import Bound, Through
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -75,9 +76,18 @@ def about_corners_of_walls(problem: Problem, valley: Valley, known: CurveOrSlope
 def _on_corners(problem: Problem, found: Solution, off: float) -> Solution | None:
     """The answer with what it is ``off`` by beside the corners, known to first order; None where it meets more."""
     multipliers, value = found.multipliers[: len(problem.constraints)], found.error.value + OFF_KNOWN * off
-    beside = replace(found, problem=problem, extremal=None, multipliers=multipliers)
+    beside = replace(
+        found, problem=problem, extremal=None, multipliers=multipliers, sensitivities=_rates(problem, found)
+    )
     beside = replace(beside, error=replace(found.error, value=value))
     return replace(beside, value=found.value - problem.sign * off) if as_held(problem, beside) else None
+
+
+def _rates(problem: Problem, found: Solution) -> dict[str, float]:
+    """The sensitivities, but of parameters that move what switches, and corners with it."""
+    symbols = ca.vertsplit(problem.symbols.parameters)
+    moved = [any(switch.depends_on(symbol) for switch in switches_of(problem)) for symbol in symbols]
+    return {n: math.nan if m else rate for (n, rate), m in zip(found.sensitivities.items(), moved, strict=True)}
 
 
 def _unit(problem: Problem, valley: Valley) -> float:
