@@ -41,6 +41,14 @@ def test_corners_between_a_slope_that_is_kept_and_another(name):
     assert not solution.local
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1e-6, 1.0, 1e6])
+def test_slopes_of_any_size_are_kept_as_nearly_as_is_claimed(unit):
+    """(v/u)² + (v > u) to 3 u/2 is 3 in every unit; the slope is kept just beside that of the jump."""
+    problem = vc.Problem(lambda x, y, v: (v / unit) ** 2 + (v > unit), vc.Fixed(0, 0), vc.Fixed(1, 1.5 * unit))
+    solution = vc.solve(problem)
+    assert abs(solution.value - 3) <= solution.error.value <= 1e-10
+
+
 def test_a_load_drives_a_curve_off_the_slope_at_a_corner():
     """Of v² + (v > 1) + 2 x y the momentum rises by x²; the corner is where it is 4, the chord's slope."""
 

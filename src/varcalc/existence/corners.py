@@ -54,8 +54,8 @@ NEXT_TO_JUMP = 0.05
 """Difference from a slope at which L jumps, in units of all slopes, that is made by rounding the jump off."""
 PLACES_FOR_SLOPES = 129
 """Places of a curve at which it is seen whether it keeps a slope at which L jumps."""
-BESIDE_LEVEL = 1e-12
-"""Distance from a slope at which L jumps, relative to that or 1, at which a curve keeps it."""
+BESIDE_LEVEL = 5e-12
+"""Distance from a slope at which L jumps, in units of the sectors, at which a curve keeps it."""
 SURE = 10.0
 """Factor of the relaxed value's own error by which a curve must miss it for the infimum not to be attained."""
 
@@ -356,7 +356,24 @@ def _through_switches(
     met = breaking(problem, crossings(problem, polygon, nodes, problem.unknown_guesses))
     placed = [c for c in met if not c.switch.smooth and not any(c.switch is level for level in levels)]
     found = sorted([*placed, *kept], key=lambda c: c.x)
-    return settled(problem, method, tol, polygon, found, marks.tolist()) if found else None
+    return _off_levels(settled(problem, method, tol, polygon, found, marks.tolist())) if found else None
+
+
+def _off_levels(found: Solution | None) -> Solution | None:
+    """The answer with what it is off by for keeping slopes beside those of levels: the momentum for the difference."""
+    if found is None or found.curve is None:
+        return found
+    problem, curve = found.problem, found.curve
+    assert isinstance(problem, Problem)
+    x, sectors = places(found, PLACES_FOR_SLOPES), slope_sectors(problem)
+    y, slopes = curve(x, 0), curve(x, 1)
+    levels = [sectors.at(slope) for slope in slopes[0].tolist()]
+    off = max((abs(v - k.slope) for v, k in zip(slopes[0].tolist(), levels, strict=True) if k is not None), default=0.0)
+    if not off:
+        return found
+    momenta = problem.integrand_derivatives(x, y, slopes).gradient[:, -1]
+    most = 2 * off * float(np.abs(momenta).max()) * (problem.span[1] - problem.span[0])
+    return replace(found, error=replace(found.error, value=found.error.value + most))
 
 
 def _kept_slopes(problem: Problem, teeth: _Teeth, heights: np.ndarray) -> list[Crossing]:
@@ -369,7 +386,7 @@ def _kept_slopes(problem: Problem, teeth: _Teeth, heights: np.ndarray) -> list[C
             first, last = float(teeth.x[start]), float(teeth.x[end])
             middle = 0.5 * (first + last)
             side = sectors.lower_side(problem, level, middle, float(np.interp(middle, teeth.x, heights)))
-            beside = level.slope + side * BESIDE_LEVEL * max(1.0, abs(level.slope))
+            beside = level.slope + side * BESIDE_LEVEL * sectors.unit
             kept.append(Crossing(level.switch, first, level.argument(problem, beside), last))
     return kept
 

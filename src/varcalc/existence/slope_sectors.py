@@ -29,7 +29,7 @@ MOST_LEVELS = 12
 NO_LOWER = 1e-12
 """Relative difference of L on both sides of a level that is none."""
 AT_LEVEL = 1e-7
-"""Distance from a level, in units of the slope or 1, within which a slope is at it."""
+"""Distance from a level, in units of the slope or of the problem's own, within which a slope is at it."""
 
 
 @dataclass(frozen=True)
@@ -52,17 +52,19 @@ class SlopeSectors:
     """What is summed, by sectors of the slope: number 2 k lies below level k, number 2 k + 1 is that level alone.
 
     ``edges`` (2, sectors) are the slopes that bound them; ``branches`` are, for each, what is minimised and what is
-    levelled, in the problem's symbols. Without levels all slopes are one sector.
+    levelled, in the problem's symbols. Without levels all slopes are one sector. The ``unit`` is the largest slope that
+    is known, of the levels and of the chord.
     """
 
     levels: tuple[Level, ...]
     edges: np.ndarray
     branches: tuple[tuple[Expression, ...], ...]
+    unit: float
 
     def of(self, slopes: np.ndarray) -> np.ndarray:
         """The sectors of slopes (m,): below a level and above it, which are the same beside one, and it; (3, m)."""
         levels = np.array([level.slope for level in self.levels])
-        room = AT_LEVEL * np.maximum(1.0, np.abs(slopes))
+        room = AT_LEVEL * np.maximum(self.unit, np.abs(slopes))
         below, above = np.searchsorted(levels, slopes - room), np.searchsorted(levels, slopes + room, "right")
         return np.array([2 * below, 2 * above, below + above])
 
@@ -85,7 +87,7 @@ class SlopeSectors:
 
     def at(self, slope: float) -> Level | None:
         """The level that a slope is at; None for none."""
-        room = AT_LEVEL * max(1.0, abs(slope))
+        room = AT_LEVEL * max(self.unit, abs(slope))
         return next((level for level in self.levels if abs(level.slope - slope) <= room), None)
 
 
@@ -106,7 +108,8 @@ def slope_sectors(problem: Problem) -> SlopeSectors:
     numbers = [np.zeros(0), problem.parameter_values, np.zeros(0)]
     branches = [held(stated, s.all, [*place, np.array([slope]), *numbers], moving=s.dy) for slope in inside]
     whole = tuple(tuple(branch) for branch in branches or [stated])
-    return SlopeSectors(tuple(levels), np.array([edges[:-1], edges[1:]]), whole)
+    unit = max(abs(chord), *map(abs, slopes), 0.0) or 1.0
+    return SlopeSectors(tuple(levels), np.array([edges[:-1], edges[1:]]), whole, unit)
 
 
 def _nearest(levels: list[Level], chord: float) -> tuple[list[Level], tuple[float, float]]:

@@ -23,8 +23,6 @@ from varcalc.problem.breaks import breaks, switches_of
 from varcalc.problem.conditions import Bound, Through
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
-from varcalc.symbolic.derived import derived
-from varcalc.symbolic.evaluation import PointEvaluator
 
 BESIDE_BREAK = 1e-8
 """Distance from a break, in units of the interval, at which its sides are looked at."""
@@ -144,12 +142,5 @@ def _changes(problem: Problem, found: Solution, corners: Sequence[WallCorner]) -
     assert found.curve is not None
     room = BESIDE_BREAK * (problem.span[1] - problem.span[0])
     x = np.array([corner.x + side * room for corner in corners for side in (-1, 1)])
-    y, slope, none = found.curve(x, 0), found.curve(x, 1), np.zeros((1, 0))
-    momenta = _momentum(problem)(len(x), x[:, None], y.T, slope.T, none, problem.parameter_values[None], none)[:, 0]
+    momenta = problem.integrand_derivatives(x, found.curve(x, 0), found.curve(x, 1)).gradient[:, -1]
     return problem.sign * np.array([corner.above for corner in corners]) * (momenta[::2] - momenta[1::2])
-
-
-@derived
-def _momentum(problem: Problem) -> PointEvaluator:
-    s = problem.symbols
-    return PointEvaluator(ca.Function("momentum", s.all, [ca.densify(ca.gradient(problem.integrand, s.dy))]))
