@@ -77,3 +77,62 @@ def test_a_free_end_goes_along_with_the_one_that_slides_to_where_the_other_mediu
     told = re.search(r"its end has the value ([\d.]+)", solution.message)
     least = float(told[1]) if solution.local and told else solution.value
     assert least <= level * (1 + 1e-3)
+
+
+def balls(centres, radii):
+    """A function of a point that is negative within balls: the product of what is so in each."""
+
+    def phi(q):
+        product = 1
+        for centre, radius in zip(centres, radii, strict=True):
+            product = product * (ca.sumsqr(q - ca.DM(centre)) - radius**2)
+        return product
+
+    return phi
+
+
+def length(q, dq):
+    return ca.norm_2(dq)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("radius", [0.3, 0.1, 0.003])
+def test_a_ball_that_no_line_of_a_grid_meets_is_found_from_a_larger_one(dimension, radius):
+    centres = np.zeros((2, dimension))
+    centres[0, 0], centres[1, :2] = 5.0, (-0.1, 3.0)
+    begun = np.zeros(dimension)
+    begun[0] = 4.0
+    end = vc.OnSurface(balls(centres.tolist(), (1.0, radius)), begun.tolist())
+    solution = vc.solve(vc.Curve(length, vc.At((0.0,) * dimension), end))
+    assert solution.value == pytest.approx(np.linalg.norm(centres[1]) - radius, abs=1e-10)
+    assert not solution.local
+
+
+def test_a_thin_slab_is_found_behind_the_start():
+    """The slab |x + 1.03| < 1e-3 is nearer than the half plane beyond x = 4."""
+
+    def phi(q):
+        return ((q[0] + 1.03) ** 2 - 1e-6) * (4 - q[0])
+
+    solution = vc.solve(vc.Curve(length, vc.At((0.0, 0.2)), vc.OnSurface(phi, (4.0, 0.0))))
+    assert solution.value == pytest.approx(1.029, abs=1e-10)
+
+
+@pytest.mark.parametrize("begun", [(3.0, 0.0), (-3.0, 0.0), (0.0, 2.0), (2.9, 0.0)])
+def test_a_saddle_of_the_distance_to_an_ellipse_is_left(begun):
+    """The nearest points of an ellipse of half axes 3 and 2 to (c, 0) lie at x = 9 c/5 (Lagrange's condition)."""
+    c = 0.1
+    ellipse = vc.OnSurface(lambda q: q[0] ** 2 / 9 + q[1] ** 2 / 4 - 1, begun)
+    solution = vc.solve(vc.Curve(length, vc.At((c, 0.0)), ellipse))
+    x = 9 * c / 5
+    assert solution.value == pytest.approx(np.hypot(x - c, 2 * np.sqrt(1 - x**2 / 9)), abs=1e-12)
+    assert not solution.local
+
+
+def test_points_between_those_of_a_grid_show_no_way_that_is_none():
+    """An ellipse of half axes 2 and 1 in one of 8 and 3: nearest are (0, 1) and (0, 3)."""
+    inner = vc.OnSurface(lambda q: q[0] ** 2 / 4 + q[1] ** 2 - 1, (-2, 0))
+    outer = vc.OnSurface(lambda q: q[0] ** 2 / 64 + q[1] ** 2 / 9 - 1, (8, 0.1))
+    solution = vc.solve(vc.Curve(length, inner, outer))
+    assert solution.value == pytest.approx(2.0, abs=1e-11)
+    assert not solution.local

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.directions import end_cost
+from varcalc.existence.hidden_pieces import hidden_points
 from varcalc.existence.kept_polygons import LABELS, PIECES_KEPT, KeptPolygon
 from varcalc.formulation import Sampled, formulate
 from varcalc.formulation.height import breadths
@@ -26,7 +27,9 @@ REACHES = 0.25, 1.0, 4.0
 """How far from the known end points of phi = 0 are looked for, in units of the curve's extents: on three grids."""
 DRAWN_TO_NOTHING, FARTHER = 1e-2, (16.0, 64.0)
 """Of the interval that was told: a curve that is so short says nothing of how far to look, which is farther then."""
-PLACES_ON_GRID = {2: 29, 3: 11}
+EXTENTS_ALIKE, REACHES_ALIKE = 2.0, (1.0, 4.0)
+"""Ratio of the extents of a Curve from which on it is looked for as far along all coordinates too, in the largest."""
+PLACES_ON_GRID = {2: 29, 3: 18}
 """Along each coordinate of a grid on which phi is told, by the number of coordinates."""
 PIECES_DRAWN, POINTS_DRAWN, TOLD_BY = 8, 3, 128
 """Pieces of the known curve, and Gauss points on each, by which drawn curves are compared; pieces by which one is told.
@@ -43,6 +46,8 @@ BEGUN_AT = 4
 """Points on each grid at which polygons begin that keep what is asked."""
 SLID_TO_ONE = 0.05
 """Distance of the ends of polygons in one valley, in units of the curve's extents."""
+STEPS_ONTO_LEVEL = 4
+"""Steps of Newton's method from a point of a grid's line: a point aside may be nearer than any of phi = 0."""
 MOST_PLACES = 3
 """Points of one end from which valleys are followed."""
 TIMES_CLOSER = 3
@@ -98,16 +103,21 @@ class DrawnToPlaces:
         self._ends = self._along(np.array(self.span))[0]
         self._places = PLACES_ON_GRID[len(self._ends)]
         extents = np.ptp(np.column_stack([self._rule.places, self._ends]), axis=1)
-        self._reaches: tuple[float, ...] = REACHES
+        reaches: tuple[float, ...] = REACHES
         if self._graph:
             told = float(np.ptp(best.problem.span))
-            self._reaches += FARTHER if extents[0] <= DRAWN_TO_NOTHING * told else ()
+            reaches += FARTHER if extents[0] <= DRAWN_TO_NOTHING * told else ()
             extents[0] = max(extents[0], told)
             breadth = breadths(formulate(best.problem))[0]
             extents[1:] = np.where(extents[1:] > DRAWN_TO_NOTHING * breadth, extents[1:], breadth)
         else:  # where a curve keeps to a line its ends may go aside as far as along it
             extents = np.where(extents > DRAWN_TO_NOTHING * extents.max(), extents, extents.max())
         self._extents = np.where(extents > 0, extents, extents.max())
+        self._halves = [reach * self._extents for reach in reaches]
+        if (
+            not self._graph and EXTENTS_ALIKE * extents.min() < extents.max()
+        ):  # nor is it known to go aside as little elsewhere
+            self._halves += [reach * np.full_like(extents, extents.max()) for reach in REACHES_ALIKE]
 
     def _of_pieces(self, pieces: int) -> _Rule:
         """By the share of the way, as the interval may have drawn to nothing."""
@@ -132,10 +142,10 @@ class DrawnToPlaces:
         with np.errstate(all="ignore"):
             (own,), (size,) = self._values(self._ends.T[None], self._rule)
             enough = own + WORTH_FOLLOWING * size
-            found = [lowest for reach in self._reaches for lowest in self._lowest(known, reach, enough)]
-        chosen: list[tuple[float, np.ndarray, float]] = []
+            found = [lowest for half in self._halves for lowest in self._lowest(known, half, enough)]
+        chosen: list[tuple[float, np.ndarray, np.ndarray]] = []
         for value, ends, apart in sorted(found, key=lambda one: one[0]):
-            if all(np.linalg.norm((ends - other) / self._extents) > min(apart, of) for _, other, of in chosen):
+            if all(max(np.linalg.norm((ends - other) / by) for by in (apart, of)) > 1 for _, other, of in chosen):
                 chosen.append((value, ends, apart))
         with np.errstate(all="ignore"):
             closely = self._of_pieces(TOLD_BY)
@@ -146,14 +156,14 @@ class DrawnToPlaces:
         return [self._place(ends, value + missed) for value, ends in closer]
 
     def _closer(
-        self, phis: Sequence[ca.Function], rule: _Rule, ends: np.ndarray, apart: float
+        self, phis: Sequence[ca.Function], rule: _Rule, ends: np.ndarray, apart: np.ndarray
     ) -> tuple[float, np.ndarray]:
         """The least value beside ``ends`` (2, d), by a ``rule``, and where: beside a jump of L a grid tells little."""
         value = float(self._values(ends[None], rule)[0][0])
         taken = bool(len(self.sides) == 1 and np.any(ends[1 - self.sides[0]] != self._ends[:, 1 - self.sides[0]]))
         for _ in range(TIMES_CLOSER):
             for side, phi in zip(self.sides, phis, strict=True):
-                points = self._points(phi, side, apart, ends[side])
+                points = np.vstack(self._points(phi, side, apart, ends[side]))
                 moved = self._in_order(self._moved(ends, side, points, along=taken))
                 if len(moved) == 0:
                     continue
@@ -161,15 +171,15 @@ class DrawnToPlaces:
                 values = np.where(np.isfinite(values), values, np.inf)
                 if values.min() < value:
                     value, ends = float(values.min()), moved[np.argmin(values)]
-            apart *= self._beside_points
+            apart = self._beside_points * apart
         return value, ends
 
     def spread(self) -> np.ndarray:
         """Ends (k, 2, d), a few on each grid, each as far as can be from the known ones and those before it."""
         phis = [phi for phi in map(self._phi, (LABELS[side] for side in self.sides)) if phi is not None]
         chosen = self._ends.T[None]
-        for reach in self._reaches:
-            points = self._pairs(phis, reach)
+        for half in self._halves:
+            points = self._pairs(phis, half)
             for _ in range(min(BEGUN_AT, len(points))):
                 away = (points[:, None] - chosen) / self._extents
                 chosen = np.append(chosen, points[[np.argmax((away**2).sum((2, 3)).min(1))]], axis=0)
@@ -203,36 +213,36 @@ class DrawnToPlaces:
         return PlaceOfEnds(polygon.value, ends, span, polygon, lower and polygon.kept)
 
     def _lowest(
-        self, phis: Sequence[ca.Function], reach: float, enough: float
-    ) -> list[tuple[float, np.ndarray, float]]:
-        """Values below ``enough`` and ends (2, d) of one grid, the least nearby, and how near that is, in extents."""
-        ends, apart = self._pairs(phis, reach), reach * self._beside_points
+        self, phis: Sequence[ca.Function], half: np.ndarray, enough: float
+    ) -> list[tuple[float, np.ndarray, np.ndarray]]:
+        """Values below ``enough`` and ends (2, d) of one grid, the least nearby, and how near that is, (d,)."""
+        ends, apart = self._pairs(phis, half), self._beside_points * half
         if not len(ends):
             return []
         values, _ = self._values(ends, self._rule)
         values = np.where(np.isfinite(values), values, np.inf)
-        scaled = ((ends - self._ends.T) / self._extents).reshape(len(ends), -1)
+        scaled = ((ends - self._ends.T) / apart).reshape(len(ends), -1)
         away = (scaled**2).sum(axis=1)
-        elsewhere = away > apart**2
+        elsewhere = away > 1
         low = np.flatnonzero(elsewhere & (values < enough))
-        near = away[low, None] + away - 2 * scaled[low] @ scaled.T <= apart**2
+        near = away[low, None] + away - 2 * scaled[low] @ scaled.T <= 1
         least = low[values[low] <= np.where(near, values, np.inf).min(axis=1, initial=np.inf)]
         return [(float(values[k]), ends[k], apart) for k in least.tolist()]
 
-    def _pairs(self, phis: Sequence[ca.Function], reach: float) -> np.ndarray:
+    def _pairs(self, phis: Sequence[ca.Function], half: np.ndarray) -> np.ndarray:
         """Both ends (k, 2, d) of curves drawn to points of each phi = 0; those of a graph keep their order.
 
         Where the other end is free it stays, or goes along with the one that is drawn.
         """
         own = self._ends.T
-        points = [self._points(phi, side, reach, own[side]) for side, phi in zip(self.sides, phis, strict=True)]
+        points = [self._points(phi, side, half, own[side]) for side, phi in zip(self.sides, phis, strict=True)]
         if len(points) == 2:
-            first, last = (some[:: max(1, len(some) // PLACES_OF_EACH)] for some in points)
+            first, last = (_some(grid, hidden) for grid, hidden in points)
             ends = np.stack([np.repeat(first, len(last), axis=0), np.tile(last, (len(first), 1))], axis=1)
         else:
             side = self.sides[0]
             ways = (False, True) if np.any(self._free(1 - side)) else (False,)
-            ends = np.concatenate([self._moved(own, side, points[0], along=along) for along in ways])
+            ends = np.concatenate([self._moved(own, side, np.vstack(points[0]), along=along) for along in ways])
         return self._in_order(ends)
 
     def _in_order(self, ends: np.ndarray) -> np.ndarray:
@@ -255,12 +265,17 @@ class DrawnToPlaces:
 
     @property
     def _beside_points(self) -> float:
-        """How near to each other the points of a grid are in one valley, in units of how far it reaches."""
+        """How near to each other the points of a grid are in one valley, in units of its half."""
         return ONE_VALLEY * 2 / (self._places - 1)
 
-    def _points(self, phi: ca.Function, side: int, reach: float, about: np.ndarray) -> np.ndarray:
-        """Points (k, d) of phi = 0: on the lines of a grid ``about`` one, straight between two places that it parts."""
-        low, high = (about + sign * reach * self._extents for sign in (-1, 1))
+    def _points(
+        self, phi: ca.Function, side: int, half: np.ndarray, about: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Points (k, d) of phi = 0 beside the lines of a grid, where it parts two places, and of pieces between these.
+
+        The grid lies ``about`` a point and reaches ``half`` (d,) to either side.
+        """
+        low, high = about - half, about + half
         if self._graph and len(self.sides) == 1:  # beyond the other end there is no use for a place
             other, nearest = self._ends[0, 1 - side], NEAREST_ABSCISSA * self._extents[0]
             if side:
@@ -269,7 +284,7 @@ class DrawnToPlaces:
                 high[0] = min(high[0], other - nearest)
         axes = [np.linspace(a, b, self._places) for a, b in zip(low, high, strict=True)]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"))
-        levels = np.asarray(phi(grid.reshape(len(axes), -1))).reshape(grid.shape[1:])
+        levels = np.asarray(phi(grid.reshape(len(axes), -1))[0]).reshape(grid.shape[1:])
         found = []
         for axis in range(len(axes)):
             before, after = (np.take(levels, range(k, self._places - 1 + k), axis) for k in (0, 1))
@@ -277,18 +292,23 @@ class DrawnToPlaces:
             parted = before * after <= 0
             share = before[parted] / np.where(before == after, 1.0, before - after)[parted]
             found.append((a[:, parted] + share * (b - a)[:, parted]).T)
-        points = np.concatenate(found)
-        return points[np.lexsort(points.T[::-1])]
+        points = _on_level(phi, np.concatenate(found), np.array([axis[1] - axis[0] for axis in axes]))
+        read = self.problem.symbols.kind is ca.SX
+        hidden = hidden_points(phi, axes, levels) if read else np.zeros((0, len(axes)))
+        return points[np.lexsort(points.T[::-1])], hidden
 
     def _phi(self, label: str) -> ca.Function | None:
-        """Phi of points (d, m) of the end of that ``label``."""
+        """Phi of points (d, m) of the end of that ``label``, and its gradient."""
         kind, n = self.problem.symbols.kind, self.problem.n
         symbols = [kind.sym("x"), kind.sym("y", n)] if self._graph else [kind.sym("q", n)]
         x, y = symbols if self._graph else (kind.sym("t"), *symbols)
         level = self.problem.traced_slide(label, x, y, kind)
         if level is None:
             return None
-        return ca.Function("phi", [ca.vertcat(*symbols)], [ca.densify(level)])
+        point = kind.sym("point", n + self._graph)
+        at = ca.vertsplit(point, [0, 1, n + 1]) if self._graph else [point]
+        level = ca.substitute([level], symbols, at)[0]
+        return ca.Function("phi", [point], [ca.densify(level), ca.densify(ca.gradient(level, point))])
 
     def _values(self, ends: np.ndarray, rule: _Rule) -> tuple[np.ndarray, np.ndarray]:
         """What is minimised along the curves drawn to ``ends`` (k, 2, d), and the same of its absolute value; (k,)."""
@@ -346,3 +366,17 @@ class DrawnToPlaces:
             if own.slides:
                 moved[side] = OnCurve(own.phi, x=float(ends[side, 0])) if self._graph else own
         return moved[0], moved[1]
+
+
+def _some(grid: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """A few of the points (k, d) of a grid, evenly among all, and of those that it hides."""
+    return np.vstack([some[:: max(1, len(some) // PLACES_OF_EACH)] for some in (grid, hidden)])
+
+
+def _on_level(phi: ca.Function, points: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Points (k, d) moved onto phi = 0 by Newton's method along its gradient, none by more than the ``steps`` (d,)."""
+    for _ in range(STEPS_ONTO_LEVEL if len(points) else 0):
+        level, gradient = (np.asarray(part) for part in phi(points.T))
+        moved = points - (level * gradient / (gradient**2).sum(axis=0)).T
+        points = np.where((np.abs(moved - points) <= steps).all(axis=1, keepdims=True), moved, points)
+    return points

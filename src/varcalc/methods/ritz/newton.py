@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.formulation.height import height
 from varcalc.methods.ritz.elements import (
     COMPLIANT,
     DAMPING,
@@ -80,6 +81,8 @@ INEFFECTIVE = 1e-14
 """Relative derivative of a level, by what is summed to it, that is made of round-off."""
 ROUND_OFF = 1e-14
 """The same where the factorisation went through: a small eigenvalue may be true, and its step needed whole."""
+LOADS_OFF_SADDLE, OFF_SADDLE = 3, 1e-2
+"""Loads whose answers lead off a saddle, and the first step there, in units of the problem's size."""
 SHIFT = -1.5
 """Multiple of the lowest eigenvalue by which a Hessian is shifted that is not positive."""
 AT_EDGE = 1e10
@@ -375,6 +378,8 @@ def minimise(
             if math.isfinite(ended.value):
                 return ended
         following = None if _aground(blocked_lengths) else _search(system, z, at, step, guarded, length)
+        if not step.definite and step.decrement <= STAGNATED * at.scale:
+            following = _off_saddle(system, z, at, step, guarded) or following
         if following is None:
             nothing_left = decrement <= STAGNATED or _is_round_off(system, at, step, decrement)
             reason = _unmet(system, at) if nothing_left else "no step along the Newton direction descends"
@@ -387,6 +392,25 @@ def minimise(
         elif at.value < -RUNAWAY * largest:
             return Descent(z, multipliers, at.value, iteration, "the functional appears to have no lower bound")
     return Descent(z, multipliers, at.value, newton.iterations, f"no convergence within {newton.iterations} iterations")
+
+
+def _off_saddle(
+    system: RitzSystem, z: np.ndarray, at: Evaluation, step: Step, guarded: bool
+) -> tuple[np.ndarray, Evaluation, float, bool] | None:
+    """A curve beside a saddle that is lower, as :func:`_search` returns it; None where none is found.
+
+    Where the gradient vanishes Newton's step does. The shifted matrix answers a generic load, and its answers as loads
+    in their turn, along its softest mode, which leads down (More and Sorensen, Mathematical Programming 16, 1979).
+    """
+    change = generic_load(len(z))[0]
+    for _ in range(LOADS_OFF_SADDLE):
+        loaded = newton_step(system, replace(at, gradient=-change, conditions=0.0 * at.conditions), step.multipliers)
+        if loaded is None or not (largest := float(np.abs(loaded.change).max(initial=0.0))) > 0:
+            return None
+        change = loaded.change / largest
+    away = replace(step, change=OFF_SADDLE * height(system.form) * change)
+    found = _search(system, z, at, away, guarded, 1.0)
+    return found if found is not None and found[1].value < at.value else None
 
 
 def _enough(at: Evaluation, tol: float, *, edged: bool) -> tuple[float, float]:
