@@ -15,12 +15,16 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
 
 GAUSS_SHARES = 0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)
 """Where on an element its two Gauss points lie."""
+LEAST_NEW, MOST_LEFT_OUT = 4, 4.0
+"""New degrees of one element by which it is told what lies beyond them, as a curve may be even or odd, and the most
+that it may come to."""
 FEW_POINTS = 16
 """Points of Gauss's rule up to which the weights of NumPy are as good as any."""
 NEAREST_VERTICES = 64.0 * np.finfo(float).eps
@@ -259,6 +263,23 @@ class Space:
             numbers[-1, m : 2 * m, self.periodic :] = last + np.arange(m * others).reshape(m, others)
             return numbers, last + m * others
         return numbers, m * n + int(after[-1])
+
+    def left_out(self, change: np.ndarray, poorer: int, order: int) -> Any:
+        """What lies beyond this space, in units of what the ``change`` of a curve of a ``poorer`` degree to it gains.
+
+        The energies of the polynomials that are new in it fall from the first half of their degrees to the second, and
+        on to those beyond: a geometric series. Where they do not fall neither space shows the curve. The change is told
+        by its coefficients (.., size), and the functional is of such an ``order``.
+        """
+        modes = self.numbers[:, max(poorer + 1, 2 * self.smoothness) :]
+        if modes.shape[1] < (LEAST_NEW if self.elements == 1 else 2):
+            return 0.0
+        energies = (2.0 / self.widths) ** (2 * order - 1) @ (change[..., modes] ** 2).sum(-1)
+        half = energies.shape[-1] // 2
+        first, then = energies[..., :-half].sum(-1), energies[..., -half:].sum(-1)
+        falls = (first + then) * (first - then)
+        told = then**2 < MOST_LEFT_OUT * falls
+        return np.where(told, then**2 / np.where(told, falls, 1.0), MOST_LEFT_OUT * (then > 0))
 
     @property
     def numbers(self) -> np.ndarray:

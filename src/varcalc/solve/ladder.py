@@ -69,7 +69,7 @@ MOST_ELEMENTS = 1000
 LARGE_MESH = 100_000
 """Unknowns from which on a mesh that led to no answer is made no finer."""
 LOOSEST_TOLD = 1e-4
-"""The loosest tolerance of the ladder: by what coarser meshes differ their errors are not told."""
+"""The loosest tolerance: by what coarser meshes differ their errors are not told."""
 WORTH = 0.1
 """Share of the tolerance that what lies between the points of an answer may come to, all together."""
 MOST_MARKS = 10_000
@@ -100,8 +100,8 @@ def solve(
 ) -> Solution:
     """The extremal that makes the functional least (greatest with ``maximise``).
 
-    ``tol`` bounds the error of the value relative to max(1, abs(value)); without ``method`` nothing looser than 1e-4
-    is asked for, as errors that large are not told from a curve that was not seen.
+    ``tol`` bounds the error of the value relative to max(1, abs(value)); nothing looser than 1e-4 is asked for, as
+    errors that large are not told from a curve that was not seen.
     ``guess`` is a function of x (of t for a Curve) or an earlier Solution.
     Without ``method`` the cheapest route that meets the tolerance is taken.
     ``progress`` is as :data:`varcalc.progress.Progress` says; Ctrl-C raises :class:`varcalc.Interrupted`, which holds
@@ -120,7 +120,7 @@ def solve(
     """
     check_arguments(problem, method, tol)
     truth("throw", throw)
-    tol = tol if method is not None else min(tol, LOOSEST_TOLD)
+    tol = min(tol, LOOSEST_TOLD)
     known = resolved(problem, method, tol, guess)
     if known is not None:
         return known

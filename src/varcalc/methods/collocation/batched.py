@@ -156,13 +156,15 @@ def _judged(
         start, step, there, lambda right: solutions(jacobians, right), lambda change: _lengths(there, change)
     )
     sure = correction.trusted & np.isfinite(correction.following) & correction.after.finite & _positive(before)
-    value = here.fine_value(state, 2 * here.space.degree + 4)
-    error = value_error(value, before.value, correction.after.value, rounding(there, before, np.zeros(0)))
+    value, corrected = here.fine_value(state, 2 * here.space.degree + 4), there.unpack(start + step)
+    change = corrected.coefficients - there.unpack(start).coefficients
+    beyond = there.space.left_out(change, here.space.degree, here.form.order)
+    error = value_error(value, before.value, correction.after.value, rounding(there, before, np.zeros(0)), beyond)
     met = error <= tol * np.maximum(1.0, np.abs(value))
     stands = sure & met
     kept = rows[stands]
     answers.stands[kept], answers.value[kept], answers.error[kept] = True, value[stands], error[stands]
-    distances = curve_distance(there, there.unpack(start), there.unpack(start + step))
+    distances = curve_distance(there, there.unpack(start), corrected)
     answers.curve[kept], answers.degree[kept] = distances[stands], here.space.degree
     for row, found in zip(kept, state.coefficients[stands], strict=True):
         answers.coefficients[row] = found

@@ -22,10 +22,12 @@ from varcalc.formulation import Form
 from varcalc.methods.answer import end_cost_function, lift
 from varcalc.methods.collocation.newton import Sizes, Solve, factorised, measure
 from varcalc.methods.collocation.system import CollocationSystem, Residual, State, collocation_space
-from varcalc.methods.ritz.error import SAFETY
 from varcalc.numerics.mesh import Space
 from varcalc.numerics.roots import EPSILON
 
+SAFETY = 2.0
+"""The correction leaves out what the richer space is off by: half of the error is left where it is four degrees richer
+and the curve just about shown."""
 CONTRACTION = 0.1
 """Largest ratio of successive corrections that counts as evidence; one quarter is where roots merge."""
 NEGLIGIBLE = 1e-10
@@ -147,9 +149,10 @@ def assess(level: Root, scales: Sizes) -> Assessment | None:
     if not math.isfinite(value):
         return None
     fine = correction.after.value + end_cost(form, system.space, new)
+    beyond = float(system.space.left_out(new.coefficients - old.coefficients, degree, form.order))
     return Assessment(
         value=value,
-        value_error=value_error(value, before.value + cost, fine, floor),
+        value_error=value_error(value, before.value + cost, fine, floor, beyond),
         value_floor=floor,
         curve_error=float(curve_distance(system, old, new)),
         correction=correction,
@@ -159,9 +162,12 @@ def assess(level: Root, scales: Sizes) -> Assessment | None:
     )
 
 
-def value_error(value: Any, coarse: Any, fine: Any, floor: Any) -> Any:
-    """The error of a ``value``: what correcting the curve changes by the coarse rule, and what that rule misses."""
-    return SAFETY * (abs(fine - coarse) + abs(value - coarse)) + floor
+def value_error(value: Any, coarse: Any, fine: Any, floor: Any, beyond: Any) -> Any:
+    """The error of a ``value``: what correcting the curve changes by the coarse rule, and what that rule misses.
+
+    What lies ``beyond`` the richer space is added in units of both.
+    """
+    return SAFETY * (1.0 + beyond) * (abs(fine - coarse) + abs(value - coarse)) + floor
 
 
 def _shifting(system: CollocationSystem, before: Residual, weights: np.ndarray) -> np.ndarray | None:

@@ -96,11 +96,13 @@ class NewtonEstimate:
 
 
 def correction(
-    system: RitzSystem, z: np.ndarray, at: Evaluation, change: np.ndarray, miss: np.ndarray, decrement: Any, own: Any
-) -> NewtonEstimate:
+    system: RitzSystem, z: np.ndarray, at: Evaluation, change: np.ndarray, miss: np.ndarray, decrement: Any, own: Any,
+    poorer: int,
+) -> NewtonEstimate:  # fmt: skip
     """The correction of the curve ``z`` by ``change``, which has the multipliers ``miss``; its value was ``own``.
 
-    The finer rule sees the side conditions missed: to first order that costs the multiplier times the miss.
+    The finer rule sees the side conditions missed: to first order that costs the multiplier times the miss. The space
+    of the curve's own is of the ``poorer`` degree.
     """
     form, moved = system.form, system.moved(change)
     here, there = system.reported(at), system.reported(at, moved)
@@ -120,7 +122,10 @@ def correction(
         scale = scale + np.abs(levels) @ np.abs(system.levels)
         integrand = integrand + (at.integrands[..., 1:] * levels[..., None, :]).sum(-1)
     curve = SAFETY * displacement(here, there)
-    return NewtonEstimate(value, SAFETY * error, curve, scale, integrand, miss, moved, here, there)
+    coefficients = np.zeros((*change.shape[:-1], system.space.size))
+    coefficients[..., system.free] = change[..., : len(system.free)]
+    error = SAFETY * error * (1.0 + system.space.left_out(coefficients, poorer, form.order))
+    return NewtonEstimate(value, error, curve, scale, integrand, miss, moved, here, there)
 
 
 def _total(system: RitzSystem, z: np.ndarray, reported: Reported) -> Any:
@@ -192,7 +197,8 @@ def estimate(rungs: Rungs, rung: Rung, previous: float) -> Estimate | str:
         return _by_solving(rungs, rung, system, z, previous)
     if step is None:
         return "the Newton step in the richer space is not defined (degenerate Hessian)"
-    found = correction(system, z, at, step.change, step.multipliers, step.decrement, rung.value)
+    poorer = rung.system.space.degree
+    found = correction(system, z, at, step.change, step.multipliers, step.decrement, rung.value, poorer)
     if not (step.definite and _contracts(system, z, step, at, found)):
         if not math.isfinite(system.evaluate(z + step.change).value):  # the domain of L has an edge in the way
             return _by_solving(rungs, rung, system, z, previous)
@@ -253,7 +259,8 @@ def _by_solving(rungs: Rungs, rung: Rung, system: RitzSystem, z: np.ndarray, pre
     if isinstance(richer, str):
         return richer
     at = system.evaluate(richer.z)
-    found = correction(system, richer.z, at, z - richer.z, richer.multipliers, 0.0, richer.value)
+    poorer = rung.system.space.degree
+    found = correction(system, richer.z, at, z - richer.z, richer.multipliers, 0.0, richer.value, poorer)
     value = richer.value if rungs.form.same_functional else _total(system, richer.z, found.here)
     unit = (
         0.5 / value if rungs.form.coordinates.energetic and value > 0 else 1.0

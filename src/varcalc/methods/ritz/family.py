@@ -231,7 +231,7 @@ def _judged(
     # what is positive with a part of the leading term taken off has no soft mode, and is no saddle
     good[good] = positive(model.null.reduced(there.assembled(curvature - SOFT_MODE * leading))[good])
     steps = model.step(-solutions(model.reduced, model.slope))
-    found = correction(there, z, at, steps.change, steps.multipliers, steps.decrement, trial.value)
+    found = correction(there, z, at, steps.change, steps.multipliers, steps.decrement, trial.value, here.space.degree)
     size = 0.5 * there.squared(at, found.moved)
     good &= (size <= UNMOVED**2 * at.scale) | (steps.decrement >= SOFT * size)
     largest = np.maximum(np.abs(at.variables[:, :, :n]).max((1, 2)), 1e-300)
