@@ -389,21 +389,14 @@ class _Pathwise:
             size = self.sizes.of_integrand(condition)
             elements, corners = _asked(system, condition)
             given = _given_at_vertices(system, condition)
-            rule = _nodes(system, condition, given)
-            if len(rule[0]):  # a straight element has no nodes of its own
+            for some, rule in _nodes(system, condition, given, elements):
                 inner = CurvePoints.of(system, self.scale, rule[0])
                 kind = "equations" if condition.equality else "nodes"
-                self._append(kind, condition, inner.kept(np.repeat(elements, len(rule[0]))), size, elements, rule)
-            # the end's ordinate decides no slope; ends both given decide one that is asked all along
-            corners[0] = condition.equality and not given and elements[0] and not elements.all()
-            if condition.equality and condition.where is not None and not given:
-                corners &= elements  # what a slope is where it is at its bound says nothing of what it is beside that
-            if corners.any() and (condition.equality or given):
+                self._append(kind, condition, inner.kept(np.repeat(some, len(rule[0]))), size, some, rule)
+            if corners.any() and given:
                 beside = [_beside(vertices, side) for side in (-1, 1)]
-                jumping = corners & (given > 0)  # the highest derivative at a vertex is that of one side only
-                if jumping.any():
-                    sides = [self._values(condition, side.kept(corners)) for side in beside]
-                    jumping[corners] = _differ(sides, self.program.w, self.start, ORDINATE_ROUND_OFF * size)
+                jumping, sides = corners.copy(), [self._values(condition, side.kept(corners)) for side in beside]
+                jumping[corners] = _differ(sides, self.program.w, self.start, ORDINATE_ROUND_OFF * size)
                 # a bound that jumps there is kept on both sides
                 for points, kept in ((vertices, corners & ~jumping), *((side, jumping) for side in beside)):
                     self._append("vertices", condition, points.kept(kept), size, elements)
@@ -499,11 +492,25 @@ def _given_at_vertices(system: RitzSystem, condition: SideCondition) -> int:
     return system.order - highest
 
 
-def _nodes(system: RitzSystem, condition: SideCondition, given: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes inside an element, with weights, that hold a polynomial with as many derivatives ``given`` at its ends."""
-    if not (condition.equality and given):
-        return inner_nodes(system.space.degree - 1, 1)
-    return inner_nodes(system.space.degree + 1 - given - system.order, given)
+def _nodes(
+    system: RitzSystem, condition: SideCondition, given: int, elements: np.ndarray
+) -> list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]]:
+    """Nodes inside the ``elements`` (of bool), with weights, some of the elements after the others.
+
+    They hold a polynomial with as many derivatives ``given`` at its ends. An equation for the highest derivative, which
+    has none, is asked at as many as that has coefficients; where both ends of a curve are given they say one of them.
+    """
+    highest = system.space.degree + 1 - system.order
+    if not condition.equality:
+        rules = [(elements, inner_nodes(system.space.degree - 1, 1))]
+    elif given:
+        rules = [(elements, inner_nodes(highest - given, given))]
+    else:
+        ends = system.form.ends
+        decided = elements.all() and not np.isnan([ends.start[0], ends.end[0]]).any()
+        first = elements & decided & (np.arange(len(elements)) == 0)
+        rules = [(first, gauss(max(highest - 1, 1))), (elements & ~first, gauss(highest))]
+    return [(some, rule) for some, rule in rules if some.any() and len(rule[0])]  # a straight element may have none
 
 
 def _rate(system: RitzSystem, condition: SideCondition, times: int) -> SideCondition:

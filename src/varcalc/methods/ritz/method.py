@@ -40,6 +40,7 @@ from varcalc.methods.ritz.steepest import (
     steep,
     steepest,
 )
+from varcalc.methods.ritz.switching import of_first_degree, switching
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.methods.ritz.touching import Touching, touchable, touching
 from varcalc.numerics.mesh import Space, on_one_element
@@ -66,6 +67,8 @@ SPLIT_DEGREE = 16
 """Degree kept while elements are bisected."""
 COARSE, COARSE_DEGREE = (16, 64), 4
 """Elements and degree of meshes on which contacts with a bound are looked for; the next where one holds no curve."""
+POLYGON = (128,)
+"""The same of polygons, where the slope may switch from bound to bound."""
 COARSE_TOLERANCE = 1e-8
 """Tolerance of the optimiser on it."""
 UNSEEN, ROUGHLY = 1e-3, 1e-6
@@ -196,13 +199,15 @@ class Ritz(Brief):
         started = time.perf_counter()
         optimiser = self.optimiser if isinstance(self.optimiser, Ipopt) else Ipopt()
         optimiser = replace(optimiser, tol=max(optimiser.tol, COARSE_TOLERANCE))
-        coarse = replace(self, degree=COARSE_DEGREE, refine=False, optimiser=optimiser)
+        switches = steep(form) and of_first_degree(form)
+        degree, meshes = (1, POLYGON) if switches else (COARSE_DEGREE, COARSE)
+        coarse = replace(self, degree=degree, refine=False, optimiser=optimiser)
 
         def tried(way: Ritz, nearly: float) -> Solution:
             climbs.append(_Climb(way, form, nearly))
             return climbs[-1].run(guess)
 
-        tries = (tried(replace(coarse, elements=max(e, self.elements)), tol) for e in COARSE)
+        tries = (tried(replace(coarse, elements=max(e, self.elements)), tol) for e in meshes)
         first = next((one for one in tries if one.curve is not None), None)
         if first is None:
             return None
@@ -216,9 +221,10 @@ class Ritz(Brief):
         """The answer with the contacts of a ``first`` one as equations; None where it does not count."""
         if (found := self._with_held_ends(form, first, tol, None)) is not None:
             return self._timed(found, first, started)
-        if steep(form):
+        if steep(form) and not of_first_degree(form):
             return self._at_steepest(form, first, started, tol)
-        for found in touching(form, first) if touchable(form) else ():
+        ways = switching(form, first) if steep(form) else touching(form, first) if touchable(form) else ()
+        for found in ways:
             solution = _Climb(replace(self, elements=1, degree=None, starts=1), found.form, tol).run(None)
             if not (solution.status.ok and found.counts(solution)):
                 continue

@@ -91,7 +91,7 @@ class Touching:
             room = HELD * max(float(np.abs(values).max()), 1e-300)
             if values.min() < condition.lower - room or values.max() > condition.upper + room:
                 return False
-        return all(map(partial(self._presses, solution), self.contacts, ends))
+        return all(map(partial(self.presses, solution), self.contacts, ends))
 
     def plainly(self, solution: Solution) -> Solution:
         """The answer with its extremal stated in the problem's own form, bounds and all."""
@@ -110,7 +110,7 @@ class Touching:
         )
         return replace(solution, extremal=extremal)
 
-    def _presses(self, solution: Solution, contact: Contact, ends: np.ndarray) -> bool:
+    def presses(self, solution: Solution, contact: Contact, ends: np.ndarray) -> bool:
         """Whether lifting the bound along a contact between ``ends`` would lower the functional (raise a maximum)."""
         bound = next(c for c in self.plain.conditions.pathwise if c.index == contact.index)
         if contact.start == contact.end:
@@ -144,7 +144,7 @@ def touching(form: Form, coarse: Solution) -> list[Touching]:
         points = [_within(form, c, 0.0 if c.end - c.start <= short else 1.0) for c in contacts]
         ways = [points, contacts, *([_within(form, c, share) for c in contacts] for share in (SHORTER, 0.0))]
     ways = [way for k, way in enumerate(ways) if way not in ways[:k]]
-    return [_placed(form, way, curve) for way in ways if _marks(form, way)]
+    return [placed(form, way, curve) for way in ways if marks(form, way)]
 
 
 def touched_stretches(form: Form, coarse: Solution) -> list[Contact]:
@@ -177,14 +177,14 @@ def _within(form: Form, contact: Contact, share: float) -> Contact:
     return replace(contact, start=middle - half, end=middle + half)
 
 
-def _placed(form: Form, contacts: list[Contact], curve: Callable[[np.ndarray, int], np.ndarray]) -> Touching:
+def placed(form: Form, contacts: list[Contact], curve: Callable[[np.ndarray, int], np.ndarray]) -> Touching:
     """The form with these contacts, begun from a curve."""
     assert isinstance(form.problem, Problem)
-    broken = broken_form(form.problem, _marks(form, contacts), lambda x: curve(x, 0), contacts)
+    broken = broken_form(form.problem, marks(form, contacts), lambda x: curve(x, 0), contacts, keeping=True)
     return Touching(broken, tuple(contacts), form)
 
 
-def _marks(form: Form, contacts: Iterable[Contact]) -> list[float]:
+def marks(form: Form, contacts: Iterable[Contact]) -> list[float]:
     """The ends of contact inside the interval."""
     return sorted({m for c in contacts for m in (c.start, c.end) if form.span[0] < m < form.span[1]})
 

@@ -1,0 +1,129 @@
+"""Curves under bounds of their slope where L is of first degree in it: the slope switches from bound to bound.
+
+Along such stretches the curve is a line that is known but for where it lies; where L says what the ordinate has to be
+it follows that between them (bang-bang and singular arcs; Bryson and Ho, "Applied Optimal Control", ch. 8). The slope
+jumps at the ends of stretches, so that no polynomial holds the curve across one. What is minimised changes with an end
+by the square of how far it is moved, so that they are among the unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from varcalc.formulation import Contact, Form
+from varcalc.methods.ritz.touching import HELD, Touching, marks, placed, touched_stretches
+from varcalc.numerics.mesh import composite_gauss
+from varcalc.solution import Solution
+from varcalc.symbolic.derived import Cache
+from varcalc.symbolic.evaluation import in_columns
+
+CLOSED = (0.02, 0.05, 0.1)
+"""Gaps between stretches, in units of the interval, that are taken for a corner in turn: a coarse curve rounds it."""
+MOST_STRETCHES = 24
+"""Stretches of one curve: more are made of waves of a coarse one."""
+PANELS_OF_STRETCH, POINTS_OF_PANEL = 64, 8
+"""Panels of a stretch and Gauss points on each by which it is told what presses."""
+SWITCHES = 1e-6
+"""How much of the most that presses may press the other way: so much is round-off."""
+
+
+def of_first_degree(form: Form) -> bool:
+    """Whether L is of first degree in the slope, or does without it."""
+    s = form.symbols
+    return not ca.depends_on(ca.gradient(form.integrand, s.dy), s.dy)
+
+
+@dataclass(frozen=True)
+class Switching(Touching):
+    """The same for stretches at bounds of the slope, all along which these have to press.
+
+    With the bound g at its level and M its multiplier times g_v, M' = L_y - (L_v)' + M g_y / g_v, and M is zero where
+    the slope switches. There the other way it would have to switch again.
+    """
+
+    def presses(self, solution: Solution, contact: Contact, ends: np.ndarray) -> bool:
+        """Whether lifting the bound anywhere on a contact between ``ends`` would lower the functional."""
+        bound = next(c for c in self.plain.conditions.pathwise if c.index == contact.index)
+        x, weights = composite_gauss(np.linspace(ends[0], ends[1], PANELS_OF_STRETCH + 1), POINTS_OF_PANEL)
+        unmet, (by_place, by_slope) = self._along(solution, x, bound.expression)
+        factor = np.exp(-np.cumsum(weights * by_place / by_slope))
+        summed = np.cumsum(weights * unmet * factor)
+        if ends[0] <= self.plain.span[0]:  # it is the end of the stretch where nothing presses any more
+            summed = summed - summed[-1]
+        pressed = summed / factor / by_slope * (-1.0 if contact.level == bound.lower else 1.0)
+        return bool(pressed.min() > -SWITCHES * np.abs(pressed).max())
+
+    def _along(self, solution: Solution, x: np.ndarray, expression: ca.SX) -> tuple[np.ndarray, np.ndarray]:
+        """What the Euler-Lagrange equation misses along the curve at x (m,), and the rates of a bound, (2, m)."""
+        s, curve, problem = self.plain.symbols, solution.curve, self.plain.problem
+        assert curve is not None
+        momentum = ca.gradient(self.plain.integrand, s.dy)
+        pace = ca.gradient(momentum, s.x) + ca.gradient(momentum, s.y) * s.dy
+        rates = [ca.gradient(expression, s.y), ca.gradient(expression, s.dy)]
+        along = ca.Function("along", s.all, [ca.vertcat(ca.gradient(self.plain.integrand, s.y) - pace, *rates)])
+        numbers = in_columns(len(x), problem.parameter_values, np.array(list(solution.unknowns.values())))
+        found = np.asarray(along(x[None], curve(x, 0), curve(x, 1), np.zeros((0, len(x))), *numbers))
+        return found[0], found[1:]
+
+
+@dataclass(frozen=True)
+class Forced(Touching):
+    """The same for one stretch from one given end to the other: no other curve is admitted, whatever presses."""
+
+    def presses(self, solution: Solution, contact: Contact, ends: np.ndarray) -> bool:  # noqa: ARG002
+        """Whether the curve comes to its end, which its stretch leads to by itself."""
+        curve, (_, last) = solution.curve, self.plain.span
+        assert curve is not None
+        size = max(float(np.abs(curve(solution.x, 0)).max()), last - self.plain.span[0])
+        return bool(abs(curve(np.array([last]), 0)[0, 0] - self.plain.ends.end[0, 0]) <= HELD * size)
+
+
+def switching(form: Form, coarse: Solution) -> Iterator[Touching]:
+    """The stretches along which a coarse solution's slope is at a bound, their ends unknown, in a few arrangements."""
+    curve, known = coarse.curve, list[list[tuple[int, float]]]()
+    if curve is None or form.conditions.waypoints or form.conditions.knots:
+        return
+    touched = sorted(touched_stretches(form, coarse), key=lambda c: c.start)
+    for share in CLOSED:
+        contacts = _joined(form, touched, share * (form.span[1] - form.span[0]))
+        sequence = [(c.index, c.level) for c in contacts]
+        if len(contacts) <= MOST_STRETCHES and contacts and sequence not in known:
+            known.append(sequence)
+            found = placed(form, contacts, curve)
+            yield Switching(**vars(found)) if marks(form, contacts) else _led_by_itself(found)
+
+
+def _led_by_itself(found: Touching) -> Touching:
+    """One stretch all along, its end free where both ends are given: they would say once more what it says."""
+    ends = found.form.ends
+    if np.isnan([ends.start[0, 0], ends.end[0, 0]]).any():
+        return Switching(**vars(found))
+    free = ends.end.copy()
+    free[0, 0] = np.nan
+    return Forced(replace(found.form, ends=replace(ends, end=free), cache=Cache()), found.contacts, found.plain)
+
+
+def _joined(form: Form, touched: list[Contact], closed: float) -> list[Contact]:
+    """Stretches without gaps of less than ``closed`` between them, and to the ends of the interval."""
+    first, last = form.span
+    contacts: list[Contact] = []
+    for contact in touched:
+        previous = contacts[-1] if contacts else None
+        if previous is None:
+            contacts.append(replace(contact, start=first) if contact.start - first < closed else contact)
+        elif contact.end <= previous.end:
+            continue
+        elif contact.start - previous.end >= closed:
+            contacts.append(contact)
+        elif (contact.index, contact.level) == (previous.index, previous.level):
+            contacts[-1] = replace(previous, end=contact.end)
+        else:
+            corner = 0.5 * (contact.start + previous.end)
+            contacts[-1:] = [replace(previous, end=corner), replace(contact, start=corner)]
+    if contacts and last - contacts[-1].end < closed:
+        contacts[-1] = replace(contacts[-1], end=last)
+    return contacts
