@@ -31,6 +31,8 @@ SIZES = np.array([1.0, 30.0])
 """Multiples of them that are tried."""
 IDENTICAL = 1e-11
 """Difference, relative to what it is made of, of two expressions that are one."""
+EQUAL_TO = 8
+"""Operations deep to which two expressions are compared as they are written."""
 MOST_OPEN = 6
 """Jumps that an operation may stand on; beyond them nothing is joined."""
 ZERO_OVER_RANGES = SWITCHING | {ca.OP_EXP, ca.OP_TANH, ca.OP_ERF, ca.OP_COSH, ca.OP_SINH}
@@ -64,8 +66,8 @@ def continued(expression: Expression, symbols: Sequence[Expression], watched: Ex
     return written if reader.joined else expression
 
 
-Sides: TypeAlias = dict[int, tuple[Expression, Expression]]
-"""What an expression is above and below each jump that is open in it, by the number of the jump."""
+Sides: TypeAlias = dict[int, tuple[Expression, Expression, Expression]]
+"""What an expression is above, below and on each jump that is open in it, by the number of the jump."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class _Branched:
     half: bool = False
 
     def on(self, jump: int, side: int) -> Expression:
-        """The expression on a side of a jump: 0 above it, 1 below."""
+        """The expression on a side of a jump: 0 above it, 1 below, 2 where its argument is zero."""
         return self.sides[jump][side] if jump in self.sides else self.written
 
 
@@ -98,19 +100,19 @@ class _Reader:
             return self._opened(operation, written, *arguments(operation, [o.written for o in operands]))
         sides: Sides = {}
         for jump in sorted({jump for o in operands for jump in o.sides}):
-            above, below = (operate(operation, [o.on(jump, side) for o in operands]) for side in (0, 1))
-            sides[jump] = above, below
+            above, below, itself = (operate(operation, [o.on(jump, side) for o in operands]) for side in (0, 1, 2))
+            sides[jump] = above, below, itself
         half = operation == ca.OP_IF_ELSE_ZERO
         return _Branched(written, sides, half) if half else self.closed(written, sides)
 
     def closed(self, written: Expression, sides: Sides) -> _Branched:
         """What is ``written``, with the jumps at which its ``sides`` meet written as kinks."""
         left: Sides = {}
-        for jump, (above, below) in sides.items():
-            few = len(sides) <= MOST_OPEN
-            joined = _joined(above, below, self.jumps[jump], self.variables, self.watched) if few else None
-            if joined is None:
-                left[jump] = above, below
+        for jump, (above, below, itself) in sides.items():
+            u, few = self.jumps[jump], len(sides) <= MOST_OPEN
+            joined = _joined(above, below, u, self.variables, self.watched) if few else None
+            if joined is None or not _among(itself, above, below, u, self.variables, self.watched):
+                left[jump] = above, below, itself
             else:
                 written, self.joined = joined, True
         return _Branched(written, left)
@@ -120,11 +122,12 @@ class _Reader:
         if u.is_constant() or not ca.depends_on(u, self.watched):
             return _Branched(written)
         above, below = (ca.SX(1), ca.SX(-1)) if operation == ca.OP_SIGN else (ca.SX(0), ca.SX(1))
+        itself = ca.SX(1) if operation == ca.OP_LE else ca.SX(0)
         for number, known in enumerate(self.jumps):
             if turned := alike(known, u):
-                return _Branched(written, {number: (above, below) if turned > 0 else (below, above)})
+                return _Branched(written, {number: (above, below, itself) if turned > 0 else (below, above, itself)})
         self.jumps.append(u)
-        return _Branched(written, {len(self.jumps) - 1: (above, below)})
+        return _Branched(written, {len(self.jumps) - 1: (above, below, itself)})
 
 
 def _joined(
@@ -152,6 +155,22 @@ def _joined(
             return ca.fmax(above, below) if trend > 0 else ca.fmin(above, below)
     share = multiple(difference, u)
     return None if not share else ca.fmax(above, below) if share > 0 else ca.fmin(above, below)
+
+
+def _among(
+    itself: Expression, above: Expression, below: Expression, u: Expression, variables: Expression, watched: Expression
+) -> bool:
+    """Whether what stands where u = 0 is what its sides come to there, and no third value, as of |sign(u)|."""
+    difference = itself - above
+    if difference.is_constant():
+        return float(difference) == 0.0
+    if ca.is_equal(itself, above, EQUAL_TO) or ca.is_equal(itself, below, EQUAL_TO):
+        return True
+    for variable in watched.nonzeros() if variables.numel() <= TRIED.shape[1] else ():
+        rate = ca.gradient(u, variable)
+        if rate.is_constant() and float(rate):
+            return _vanishes(ca.substitute(difference, variable, variable - u / rate), difference, variables)
+    return multiple(difference, u) != 0.0
 
 
 def _vanishes(expression: Expression, terms: Expression, variables: Expression) -> bool:

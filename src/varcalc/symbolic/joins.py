@@ -15,7 +15,7 @@ from itertools import product
 import casadi as ca
 import numpy as np
 
-from varcalc.symbolic.instructions import interpret, operate
+from varcalc.symbolic.instructions import instructions, interpret, operate
 from varcalc.symbolic.switches import CONTINUOUS, SWITCH_ROUND_OFF, Switch, arguments, likeness, switches, switching
 from varcalc.symbolic.tracing import Expression
 
@@ -41,6 +41,15 @@ SIDES: dict[int, Callable[..., Expression]] = {
     ca.OP_FMIN: lambda a, b, below: b + below * (a - b),
 }
 """What an operation that switches is, where ``below`` is 1 on the negative side of its argument and 0 on the other."""
+ON_ITSELF: dict[int, Callable[..., Expression]] = {
+    ca.OP_LT: lambda a, b: ca.SX(0),
+    ca.OP_LE: lambda a, b: ca.SX(1),
+    ca.OP_SIGN: lambda a: ca.SX(0),
+    ca.OP_FABS: lambda a: ca.SX(0),
+    ca.OP_FMAX: lambda a, b: a,
+    ca.OP_FMIN: lambda a, b: a,
+}
+"""What it is where its argument is zero, which may be neither, as of |sign(v)|: a curve may rest there."""
 
 
 def joined(
@@ -118,6 +127,10 @@ def _joined(stated: _Stated, switch: Switch) -> Switch:
     columns = [ca.vertcat(*branches) for branches in (above, below)]
     here, there = (ca.horzcat(column, ca.jacobian(column, variables)) for column in columns)
     smooth = _same(here, there, variables, switch)
+    if smooth:  # and on itself it is no other again
+        itself = ca.vertcat(*(_branch(stated, [(switch, None), *held]) for held in sides))
+        written = [tuple(instructions(ca.Function("read", [variables], [c]))) for c in (itself, *columns)]
+        smooth = written[0] in written[1:] or _same(itself, columns[0], variables, switch)
     return replace(switch, jumps=not smooth, smooth=smooth)
 
 
@@ -134,8 +147,11 @@ def _beside(stated: _Stated, switch: Switch) -> list[Switch]:
     return [other for other, known in zip(others, steady, strict=True) if not known]
 
 
-def _branch(stated: _Stated, sides: Sequence[tuple[Switch, int]]) -> Expression | None:
-    """The expressions with each switch held on a side, 1 where its argument is negative; None where it has no two."""
+def _branch(stated: _Stated, sides: Sequence[tuple[Switch, int | None]]) -> Expression | None:
+    """The expressions with each switch held on a side, 1 where its argument is negative; None where it has no two.
+
+    A side that is None is the switch itself.
+    """
     two_sided = True
 
     def on_side(operation: int, operands: Sequence[Expression], turn: np.ndarray) -> Expression:
@@ -146,6 +162,8 @@ def _branch(stated: _Stated, sides: Sequence[tuple[Switch, int]]) -> Expression 
             return operands[0]
         which = int(np.flatnonzero(turn)[0])
         side = sides[which][1]
+        if side is None:
+            return ON_ITSELF[operation](*operands)
         return SIDES[operation](*operands, side if turn[which] > 0 else 1 - side)
 
     branch = stated.rewritten([switch for switch, _ in sides], on_side)

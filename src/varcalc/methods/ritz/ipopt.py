@@ -150,7 +150,7 @@ def optimise(
         options["ipopt"] |= AT_MINIMUM
     nlp = {"x": program.w, "f": program.objective}
     if program.rows:
-        nlp["g"] = ca.vertcat(*program.rows)
+        nlp["g"] = ca.densify(ca.vertcat(*program.rows))
     solver = ca.nlpsol("ritz", "ipopt", nlp, options)
     bounds = {"lbg": np.concatenate(program.lower), "ubg": np.concatenate(program.upper)} if program.rows else {}
     result = solver(x0=z / scale, **bounds)
