@@ -67,8 +67,8 @@ class Departures:
         """Those from the curve of a solution, or from one beside it."""
         known = curve or solution.curve
         assert known is not None
-        span = float(solution.x.min()), float(solution.x.max())
-        return cls(solution.problem, known, span, solution.multipliers, list(solution.unknowns.values()), breadth)
+        unknowns = list(solution.unknowns.values())
+        return cls(solution.problem, known, solution.interval, solution.multipliers, unknowns, breadth)
 
     @cached_property
     def _rows(self) -> np.ndarray:

@@ -98,7 +98,7 @@ class DrawnToPlaces:
         self.problem, self.sides, self._curve = best.problem, sides, best.curve
         self._value = best.problem.sign * best.value
         self._graph = isinstance(best.problem, Problem)
-        self.span = (float(best.x.min()), float(best.x.max())) if self._graph else best.problem.span
+        self.span = best.interval if self._graph else best.problem.span
         self._rule = self._of_pieces(PIECES_DRAWN)
         self._ends = self._along(np.array(self.span))[0]
         self._places = PLACES_ON_GRID[len(self._ends)]

@@ -273,7 +273,7 @@ def narrow_about(departures: Departures) -> NarrowValleys | None:
 
 def _polygon(solution: Solution, ordinates: Sampled) -> CurveOrSlope:
     """Through the curve on all lines and at its ends, with its slopes."""
-    x = np.linspace(float(solution.x.min()), float(solution.x.max()), 2 * LINES + 1)
+    x = np.linspace(*solution.interval, 2 * LINES + 1)
     return polygonal(x, ordinates(x))
 
 

@@ -22,6 +22,6 @@ def by_length(solution: Solution) -> str:
         return BY_LENGTH
     if solution.curve is None:
         return ""
-    y = solution.curve(np.linspace(float(solution.x.min()), float(solution.x.max()), HEIGHTS_ASKED), 0)[0]
+    y = solution.curve(np.linspace(*solution.interval, HEIGHTS_ASKED), 0)[0]
     proved = proved_in_arc_length(problem, solution.multipliers, y)
     return f"{PROVED} {IN_ARC_LENGTH}: there is no other valley" if proved else ""

@@ -95,7 +95,7 @@ def _summed(best: Solution, numbers: np.ndarray) -> tuple[np.ndarray, float]:
     problem, curve = best.problem, best.curve
     assert isinstance(problem, Problem)
     assert curve is not None
-    x, weights = composite_gauss(np.linspace(*_ends(best), PANELS_OF_CURVE + 1), POINTS_OF_PANEL)
+    x, weights = composite_gauss(np.linspace(*best.interval, PANELS_OF_CURVE + 1), POINTS_OF_PANEL)
     y, dy = curve(x, 0), curve(x, 1)
     levels = [m for c, m in zip(problem.constraints, best.multipliers, strict=True) if isinstance(c, Isoperimetric)]
     prices = problem.sign * np.array([1.0, *(-float(m or 0.0) for m in levels)])
@@ -106,13 +106,9 @@ def _summed(best: Solution, numbers: np.ndarray) -> tuple[np.ndarray, float]:
     with np.errstate(all="ignore"):
         terms = np.vstack([np.asarray(term) for term in integrals(problem).call(given)])
         values = (prices @ terms).reshape(count, points)
-        sums = values @ weights + _cost(problem, _ends(best), curve, numbers)
+        sums = values @ weights + _cost(problem, best.interval, curve, numbers)
     own = np.abs(values[int(np.argmin(np.abs(numbers - list(best.unknowns.values())).sum(1)))])
     return np.where(np.isfinite(sums), sums, np.inf), float(own @ weights)
-
-
-def _ends(best: Solution) -> tuple[float, float]:
-    return float(best.x.min()), float(best.x.max())
 
 
 def _cost(problem: Problem, ends: tuple[float, float], curve: CurveOrSlope, numbers: np.ndarray) -> np.ndarray:

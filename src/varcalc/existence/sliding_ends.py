@@ -116,7 +116,7 @@ class _Places:
     def best(self, rough: Solution) -> Solution | None:
         """The answer with the end at the best place near the one of a rough curve; None where none is found."""
         assert rough.curve is not None
-        at = float(rough.x.max() if self.side else rough.x.min())
+        at = rough.interval[self.side]
         first = self._at(np.array([at, float(rough.curve(np.array([at]), 0)[0, 0])]))
         around = None if first is None else self._around(first, float(np.ptp(rough.x)))
         return None if around is None else self._between(*around)

@@ -141,7 +141,7 @@ def _jumping(problem: Functional) -> Finding | None:
 def _at_one_abscissa(problem: Problem, solution: Solution, extent: float) -> Upright | None:
     """What a curve by quadrature, which may be known to any slope, rises by at abscissae that are one to round-off."""
     assert solution.curve is not None
-    first, last = float(solution.x.min()), float(solution.x.max())
+    first, last = solution.interval
     apart = ONE_ABSCISSA * max(abs(first), abs(last), last - first)
     x = np.unique([*solution.x, first + apart, last - apart])
     y, close = solution.curve(x, 0), np.diff(x) <= apart
@@ -162,9 +162,7 @@ def _extent(solution: Solution) -> float:
     known = None if solution.extremal is None else solution.extremal.samples  # every solve passes here
     if known is not None:
         return float(np.ptp(known.y, axis=1).max())
-    return float(
-        np.ptp(solution.curve(np.linspace(solution.x.min(), solution.x.max(), PLACES_FOR_EXTENT), 0), axis=1).max()
-    )
+    return float(np.ptp(solution.curve(np.linspace(*solution.interval, PLACES_FOR_EXTENT), 0), axis=1).max())
 
 
 def _grows_linearly(problem: Problem, x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> bool:

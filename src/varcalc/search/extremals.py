@@ -261,10 +261,10 @@ def derivative(form: Form, solution: Solution) -> Sampled:
     """The derivative of a solution by the form's abscissa."""
     curve = solution.curve
     assert curve is not None
-    width = solution.x.max() - solution.x.min() if form.lift is not None else 1.0
-    start = float(solution.x.min())
     if form.lift is None:
         return lambda s: curve(s, 1)
+    start, end = solution.interval
+    width = end - start
     return lambda s: width * curve(start + s * width, 1)
 
 
@@ -284,8 +284,7 @@ def same_curve(one: Solution, other: Solution) -> bool:
     """True when two solutions are one extremal, within what their errors allow."""
     assert one.curve is not None
     assert other.curve is not None
-    ends: Sequence[np.ndarray] = (one.x, other.x)
-    spans = np.array([[x.min(), x.max()] for x in ends])
+    spans = np.array([one.interval, other.interval])
     width = float(np.ptp(spans[0]))
     if float(np.abs(spans[0] - spans[1]).max()) > SAME_CURVE * max(width, float(np.abs(spans).max())):
         return False

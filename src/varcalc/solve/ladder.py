@@ -255,11 +255,11 @@ long way, many may."""
 
 def _beside(tol: float, known: Solution) -> Polish:
     """The way to answers next to curves that depart from a known one: ends that slide begin where its own are."""
-    problem, x = known.problem, known.x
+    problem = known.problem
     if isinstance(problem, Problem) and any(problem.slides):
         start, end = (
-            replace(end, x=float(at)) if end.slides else None
-            for end, at in ((problem.start, x.min()), (problem.end, x.max()))
+            replace(end, x=at) if end.slides else None
+            for end, at in zip((problem.start, problem.end), known.interval, strict=True)
         )
         problem = problem.restated(start=start, end=end)
     return partial(_polished, problem, tol)

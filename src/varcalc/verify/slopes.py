@@ -224,7 +224,7 @@ def _evaluated(solution: Solution) -> AlongGraph | None:
 
 def places(solution: Solution, count: int = TRIED_PLACES) -> np.ndarray:
     """Abscissae at which slopes are tried: Chebyshev's points, as a free end may bend the curve beside it alone."""
-    low, high = (float(v) for v in (solution.x.min(), solution.x.max()))
+    low, high = solution.interval
     return low + (high - low) * 0.5 * (1.0 - roots(count))
 
 
