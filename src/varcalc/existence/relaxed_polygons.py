@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from varcalc.existence.directions import end_cost
+from varcalc.existence.moved_polygons import least_through
 from varcalc.problem.breaks import bounds
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
@@ -55,19 +56,11 @@ def least_relaxed(problem: Problem, steep: float) -> list[tuple[np.ndarray, np.n
 
 def _least(problem: Problem, x: np.ndarray, levels: np.ndarray, ends: list[float], steep: float) -> np.ndarray | None:
     """The ordinates of the least polygon, (K + 1,); None where none is admitted."""
-    first, last = _begun(problem, x, levels, ends)
-    costs, back = first, []
-    for k in range(len(x) - 1):
-        through = costs[:, None] + _pieces(problem, x[k : k + 2], levels, steep)
-        back.append(np.argmin(through, axis=0))
-        costs = through.min(axis=0)
-    costs = costs + last
-    if not np.isfinite(costs).any():
-        return None
-    path = [int(np.argmin(costs))]
-    for numbers in reversed(back):
-        path.insert(0, int(numbers[path[0]]))
-    return levels[path]
+    nodes, there = np.tile(levels, (len(x), 1)), np.zeros((len(x), len(levels)))
+    there[[0, -1]] = _begun(problem, x, levels, ends)
+    added = np.stack([_pieces(problem, x[k : k + 2], levels, steep) for k in range(len(x) - 1)])
+    y, value = least_through(nodes[None, :, :, None], added[None], there[None])
+    return y[0, :, 0] if np.isfinite(value[0]) else None
 
 
 def _begun(problem: Problem, x: np.ndarray, levels: np.ndarray, ends: list[float]) -> list[np.ndarray]:
