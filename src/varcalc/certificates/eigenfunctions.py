@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from scipy.linalg import LinAlgError, eigh
 from scipy.optimize import brentq
 
 from varcalc.certificates.balls import differentiation, transform
-from varcalc.certificates.curve import CURVE_DEGREE
+from varcalc.certificates.curve import CURVE_DEGREE, through
 from varcalc.certificates.integrals import Unproved
 
 MODE_RESOLVED = 1e-13
@@ -43,25 +44,16 @@ class Eigenfunctions:
 
     def evaluate(self, number: int) -> Callable[[np.ndarray, int], np.ndarray]:
         """An eigenfunction and its derivatives at x (m,), as (1, m)."""
-        pairs = zip(self.edges[:-1], self.edges[1:], self.values[number], strict=True)
-        parts = [np.polynomial.Chebyshev(transform(CURVE_DEGREE) @ row, domain=[a, b]) for a, b, row in pairs]
+        return through([(a, b, row[None]) for (a, b), row in zip(self._elements, self.values[number], strict=True)])
 
-        def evaluate(x: np.ndarray, derivative: int) -> np.ndarray:
-            """The derivative of that order at x (m,), as (1, m)."""
-            found, element = np.empty((1, len(x))), self._element(x)
-            for k, part in enumerate(parts):
-                found[0, element == k] = (part.deriv(derivative) if derivative else part)(x[element == k])
-            return found
-
-        return evaluate
-
-    def _element(self, x: np.ndarray) -> np.ndarray:
-        return np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, len(self.edges) - 2)
+    @property
+    def _elements(self) -> list[tuple[float, float]]:
+        return list(pairwise(self.edges.tolist()))
 
     def zeros(self, number: int) -> list[float]:
         """Where an eigenfunction changes its sign between the ends."""
         function = self.evaluate(number)
-        x = np.concatenate([np.linspace(a, b, SEEN)[:-1] for a, b in zip(self.edges[:-1], self.edges[1:], strict=True)])
+        x = np.concatenate([np.linspace(a, b, SEEN)[:-1] for a, b in self._elements])
         y, found = function(x[1:], 0)[0], []
         for k in np.flatnonzero(y[1:] * y[:-1] < 0):
             root: Any = brentq(lambda s: float(function(np.array([s]), 0)[0, 0]), x[k + 1], x[k + 2])
