@@ -17,7 +17,16 @@ import numpy as np
 
 from varcalc.certificates.balls import Ball, Poly, differentiation, flint, nodes
 from varcalc.certificates.contacts import TouchedArc, at_contacts
-from varcalc.certificates.curve import CURVE_DEGREE, integrated, nodes_within
+from varcalc.certificates.curve import (
+    CURVE_DEGREE,
+    fitted,
+    in_powers,
+    integrated,
+    mean_inside,
+    nodes_within,
+    own_variable,
+    polynomial_at,
+)
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
@@ -129,7 +138,7 @@ class Bounds:
                 values[number] = self._of_force(number, sides)
         size = max((float(np.abs(row).max()) for row in values.values()), default=0.0)
         return [
-            [_in_powers(mu, side.sign, size) for side, mu in zip(sides, values[number].T, strict=True)] if sides else []
+            [_powers_of(mu, side.sign, size) for side, mu in zip(sides, values[number].T, strict=True)] if sides else []
             for number, sides in enumerate(self.touched)
         ]
 
@@ -204,11 +213,9 @@ class Bounds:
         along, x = self.along, self.along.symbols.x
         total = along.symbols.kind(0)
         for (a, b), sides, rows in zip(pairwise(self.edges), self.touched, self.multipliers, strict=True):
-            u = (2 * x - (a + b)) / (b - a)
+            u = own_variable(x, a, b)
             for side, powers in zip(sides, rows, strict=True):
-                mu = along.symbols.kind(0)
-                for c in powers[::-1]:
-                    mu = mu * u + float(c)
+                mu = polynomial_at(u, powers.tolist())
                 t = along.paths[side.number] - side.limit
                 if self.weight and not self.of_slope(side):
                     t = t / (1 + side.sign * self._bend * t)
@@ -239,7 +246,7 @@ class Bounds:
         found = flint()
         for (a, b), sides, rows in zip(pairwise(self.edges), self.touched, self.multipliers, strict=True):
             # the piece's own variable, whose numbers are rounded, may leave [-1, 1] a little
-            low, high = ((2 * found.arb(x) - (a + b)) / (b - a) for x in (a, b))
+            low, high = (own_variable(found.arb(x), a, b) for x in (a, b))
             for side, powers in zip(sides, rows, strict=True):
                 poly = found.arb_poly([found.arb(-side.sign * float(c)) for c in powers])
                 if not positive(poly, low.lower(), high.upper()):
@@ -250,18 +257,17 @@ class Bounds:
         return Within(self, setting).attained()
 
 
-def _in_powers(mu: np.ndarray, sign: float, size: float) -> np.ndarray:
+def _powers_of(mu: np.ndarray, sign: float, size: float) -> np.ndarray:
     """Coefficients in powers of a multiplier of the right sign, close to that of the curve.
 
     On short pieces about the place where the curve comes to a bound it is known but roughly: its mean will do, as any
     of that sign would.
     """
-    series = np.polynomial.Chebyshev.fit(nodes(CURVE_DEGREE), mu, CURVE_DEGREE, domain=[-1, 1]).trim(BOUND_NOISE * size)
-    powers: np.ndarray = series.convert(kind=np.polynomial.Polynomial).coef
+    series = fitted(mu, BOUND_NOISE * size)
+    powers = in_powers(series)
     wrong = float((sign * series(np.linspace(-1.0, 1.0, POINTS_FOR_SIZE))).max())
     if len(powers) > CURVE_DEGREE or wrong > SLIGHT * size:
-        inside = 1.0 - nodes(CURVE_DEGREE) ** 2
-        powers = np.array([-sign * max(0.0, -sign * float((mu * inside).sum() / inside.sum()))])
+        powers = np.array([-sign * max(0.0, -sign * mean_inside(mu))])
         wrong = 0.0
     powers[0] -= sign * (BOUND_NOISE * size + max(0.0, wrong))
     return powers

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -420,6 +420,36 @@ def state_sizes(samples: Sequence[Samples], statement: Statement) -> np.ndarray:
         scale = np.r_[sizes, [sizes[(order - 1) * n] / length] * n]
         sizes += (length * (slopes * scale).max(axis=1)).tolist()
     return 2.0 ** np.round(np.log2(sizes))
+
+
+def fitted(values: np.ndarray, noise: float) -> Any:
+    """The Chebyshev series of a piece through values at its nodes; last terms no larger than ``noise`` are dropped."""
+    series = np.polynomial.Chebyshev.fit(nodes(CURVE_DEGREE), values, CURVE_DEGREE, domain=[-1, 1])
+    return series.trim(noise)
+
+
+def in_powers(series: Any) -> np.ndarray:
+    """The coefficients in powers of the variable of a Chebyshev series."""
+    return series.convert(kind=np.polynomial.Polynomial).coef
+
+
+def mean_inside(values: np.ndarray) -> float:
+    """The mean of ``values`` at the nodes of a piece, in which its ends have no part."""
+    inside = 1.0 - nodes(CURVE_DEGREE) ** 2
+    return float((values * inside).sum() / inside.sum())
+
+
+def own_variable(x: Any, a: float, b: float) -> Any:
+    """What runs from -1 to 1 between two abscissae, but for round-off of a + b and b - a."""
+    return (2 * x - (a + b)) * (1 / (b - a))
+
+
+def polynomial_at(t: Any, powers: Sequence[Any] | np.ndarray) -> Any:
+    """The value at t of the polynomial that has these coefficients in powers."""
+    value = 0 * t
+    for c in powers[::-1]:
+        value = value * t + c
+    return value
 
 
 def through(parts: Sequence[Part]) -> Callable[[np.ndarray, int], np.ndarray]:

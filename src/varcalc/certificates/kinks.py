@@ -22,7 +22,17 @@ from scipy.optimize import brentq
 from varcalc.certificates.balls import Around, Ball, Box, differentiation, flint, nodes
 from varcalc.certificates.bounds import positive
 from varcalc.certificates.convex_terms import FOLLOWED, ConvexTerm
-from varcalc.certificates.curve import CURVE_DEGREE, Piece, nodes_within, sampled
+from varcalc.certificates.curve import (
+    CURVE_DEGREE,
+    Piece,
+    fitted,
+    in_powers,
+    mean_inside,
+    nodes_within,
+    own_variable,
+    polynomial_at,
+    sampled,
+)
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.kink_reading import convex_terms
@@ -129,8 +139,7 @@ class Kinked:
         assert between is not None
         low, high = (None if end is None else float(end.mid()) for end in between)
         values = self._arguments(nodes_within(*self._piece(number)))[:, k]
-        series: Any = np.polynomial.Chebyshev.fit(nodes(CURVE_DEGREE), values, CURVE_DEGREE, domain=[-1, 1])
-        powers: np.ndarray = series.trim(size).convert(kind=np.polynomial.Polynomial).coef
+        powers = in_powers(fitted(values, size))
         reached = np.polynomial.polynomial.polyval(np.linspace(-1.0, 1.0, 8 * POINTS_FOR_SIGNS), powers)
         under = 0.0 if low is None else size + max(0.0, low - float(reached.min()))
         over = 0.0 if high is None else size + max(0.0, float(reached.max()) - high)
@@ -214,11 +223,7 @@ class Kinked:
 
     def _polynomial(self, number: int, powers: np.ndarray) -> Expression:
         """A polynomial in the variable of a piece."""
-        (a, b), x = self._piece(number), self.along.symbols.x
-        value, t = ca.SX(0), (2 * x - (a + b)) / (b - a)
-        for c in powers[::-1]:
-            value = value * t + float(c)
-        return value
+        return polynomial_at(own_variable(self.along.symbols.x, *self._piece(number)), powers.tolist())
 
     def _pieced(self, values: Sequence[Expression]) -> Expression:
         """Of expressions that of the piece on which x lies."""
@@ -234,7 +239,7 @@ class Kinked:
         for number, (sides, row) in enumerate(zip(self.sides, self.subgradients, strict=True)):
             a, b = self._piece(number)
             # the piece's own variable, whose numbers are rounded, may leave [-1, 1] a little
-            low, high = ((2 * found.arb(x) - (a + b)) / (b - a) for x in (a, b))
+            low, high = (own_variable(found.arb(x), a, b) for x in (a, b))
             for kink, side, powers in zip(self.kinks, sides, row, strict=True):
                 poly, between = found.arb_poly([found.arb(float(c)) for c in powers]), kink.between(side)
                 least, most = (found.arb(-1), found.arb(1)) if kink.follows(side) else between or (None, None)
@@ -301,22 +306,17 @@ class Kinked:
 
 def _shrunk(values: np.ndarray) -> np.ndarray:
     """A polynomial in powers, within [-1, 1] where ``values`` at the nodes all but are."""
-    series: Any = np.polynomial.Chebyshev.fit(nodes(CURVE_DEGREE), values, CURVE_DEGREE, domain=[-1, 1]).trim(
-        SUBGRADIENT_NOISE
-    )
+    series = fitted(values, SUBGRADIENT_NOISE)
     # as it is with what was left out: next to a piece beside the kink it is 1 or -1
     t = np.linspace(-1.0, 1.0, 8 * POINTS_FOR_SIGNS)
     reached = np.abs(series(t))
     if reached[1:-1].max() > 1.0 + ROUGH:
         # round-off, on a short piece about where the curve comes to the kink: any subgradient will do
-        inside = 1.0 - nodes(CURVE_DEGREE) ** 2
-        mean = float((values * inside).sum() / inside.sum())
-        return np.array([(1 - MARGIN) * min(1.0, max(-1.0, mean)), 0.0])
+        return np.array([(1 - MARGIN) * min(1.0, max(-1.0, mean_inside(values))), 0.0])
     # between two points it may be more, by what its second derivative makes of half their distance
     between = float(np.abs(series.deriv(2)(t)).max()) * (t[1] - t[0]) ** 2 / 8 if len(series.coef) > 2 else 0.0
     size = max(1.0, float(reached[0]), float(reached[-1]), float(reached[1:-1].max()) + between)
-    powers: np.ndarray = series.convert(kind=np.polynomial.Polynomial).coef
-    return np.r_[powers * ((1 - MARGIN) / size), 0.0]
+    return np.r_[in_powers(series) * ((1 - MARGIN) / size), 0.0]
 
 
 def kinks(solution: Solution) -> Kinked | None:

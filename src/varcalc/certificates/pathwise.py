@@ -21,9 +21,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, largest, nodes, solved
+from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, largest, solved
 from varcalc.certificates.certificate import Hypothesis, Means
-from varcalc.certificates.curve import CURVE_DEGREE, Piece, nodes_within
+from varcalc.certificates.curve import Piece, fitted, in_powers, nodes_within, own_variable, polynomial_at
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, jets, without_enclosure
 from varcalc.certificates.nearness import Attained
@@ -86,7 +86,7 @@ class Pathwise:
         for phi, rows, weight in zip(self.equations, self.multipliers, self._weights, strict=True):
             mu: Any = None
             for powers, piece in zip(rows[::-1], self._pieces[::-1], strict=True):
-                part = _in_powers(powers, _own_variable(x, *piece))
+                part = polynomial_at(own_variable(x, *piece), powers.tolist())
                 mu = part if mu is None else ca.if_else(x < piece[1], part, mu)
             total = total + mu * phi + weight / 2 * phi**2
         return total
@@ -102,7 +102,7 @@ class Pathwise:
                 start, lines = self._lines(0.5 * (a + b))
                 first, slope = lines[k]
                 phi = first + slope * (x - start)
-                mu = _in_powers([found.arb(float(c)) for c in powers], _own_variable(x, a, b))
+                mu = polynomial_at(own_variable(x, a, b), [found.arb(c) for c in powers.tolist()])
                 integral = ((mu + phi * (weight / 2)) * phi).integral()
                 total += (integral(found.arb(1)) - integral(found.arb(-1))) * half
         # CasADi may have put constants of the terms together, and rounded
@@ -247,18 +247,6 @@ def _dotted(a: Sequence[Ball], b: Sequence[Ball]) -> Ball:
     return total
 
 
-def _own_variable(x: Any, a: float, b: float) -> Any:
-    """What runs from -1 to 1 between two abscissae, but for round-off of a + b and b - a."""
-    return (2 * x - (a + b)) * (1 / (b - a))
-
-
-def _in_powers(coefficients: Any, t: Any) -> Any:
-    value = 0 * t
-    for c in coefficients[::-1]:
-        value = value * t + c
-    return value
-
-
 def _pieces(along: AlongCurve) -> list[tuple[float, float]]:
     return list(pairwise([along.span[0], *distinct(along.vertices)[1:-1].tolist(), along.span[1]]))
 
@@ -287,6 +275,4 @@ def _fitted(force: Sampled, a: float, b: float) -> np.ndarray:
     """Coefficients in powers of a multiplier between two abscissae."""
     x = nodes_within(a, b)
     values = np.asarray(force(x), dtype=float)
-    series = np.polynomial.Chebyshev.fit(nodes(CURVE_DEGREE), values, CURVE_DEGREE, domain=[-1, 1])
-    trimmed: Any = series.trim(MULTIPLIER_NOISE * float(np.abs(values).max()))
-    return trimmed.convert(kind=np.polynomial.Polynomial).coef
+    return in_powers(fitted(values, MULTIPLIER_NOISE * float(np.abs(values).max())))
