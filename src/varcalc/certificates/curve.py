@@ -6,7 +6,7 @@ functions close to the curve's own: what they fall short by enters the proof as 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -30,6 +30,7 @@ from varcalc.certificates.balls import (
 from varcalc.certificates.crossings import edges_at_crossings
 from varcalc.certificates.jets import Switch
 from varcalc.certificates.statement import Statement
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.verify.given_curve import distinct
 
 CURVE_DEGREE = 24
@@ -452,7 +453,7 @@ def polynomial_at(t: Any, powers: Sequence[Any] | np.ndarray) -> Any:
     return value
 
 
-def through(parts: Sequence[Part]) -> Callable[[np.ndarray, int], np.ndarray]:
+def through(parts: Sequence[Part]) -> CurveOrSlope:
     """The curve through values at the nodes of parts, and its derivatives."""
     starts = np.array([a for a, _, _ in parts])
     series = [[np.polynomial.Chebyshev(row, domain=[a, b]) for row in values @ transform(len(values[0]) - 1).T]

@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 from varcalc.certificates.balls import differentiation, transform
 from varcalc.certificates.curve import CURVE_DEGREE, through
 from varcalc.certificates.integrals import Unproved
+from varcalc.numerics.mesh import CurveOrSlope
 
 MODE_RESOLVED = 1e-13
 """Last coefficients of an eigenfunction on an element, relative to its size, below which it is resolved."""
@@ -42,7 +43,7 @@ class Eigenfunctions:
     eigenvalues: np.ndarray
     values: np.ndarray
 
-    def evaluate(self, number: int) -> Callable[[np.ndarray, int], np.ndarray]:
+    def evaluate(self, number: int) -> CurveOrSlope:
         """An eigenfunction and its derivatives at x (m,), as (1, m)."""
         return through([(a, b, row[None]) for (a, b), row in zip(self._elements, self.values[number], strict=True)])
 

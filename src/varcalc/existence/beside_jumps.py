@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from varcalc.existence.held_throughout import Curve
 from varcalc.methods.crossings import ARGUMENT_ROUND_OFF, Crossing, arguments_along
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -43,7 +43,7 @@ def pieces_of(problem: Problem, found: list[Crossing], bent: Sequence[float], ed
 
 
 def aside(
-    problem: Problem, curve: Curve, found: list[Crossing], solution: Solution, pieces: Pieces | None
+    problem: Problem, curve: CurveOrSlope, found: list[Crossing], solution: Solution, pieces: Pieces | None
 ) -> list[Crossing]:
     """The crossings, those of a jump along which the solution runs moved to the side on which ``curve`` runs.
 
@@ -89,7 +89,7 @@ def go_through(problem: Problem, pieces: Pieces | None, seen: list[Crossing]) ->
 
 
 def keeping_slopes(
-    problem: Problem, curve: Curve, solution: Solution, pieces: Pieces | None, seen: list[Crossing]
+    problem: Problem, curve: CurveOrSlope, solution: Solution, pieces: Pieces | None, seen: list[Crossing]
 ) -> list[Crossing]:
     """The crossings, with a slope at which L jumps kept, beside it, where the solution goes through that.
 

@@ -23,7 +23,6 @@ from varcalc.existence.beside_jumps import (
     number_of,
     pieces_of,
 )
-from varcalc.existence.held_throughout import Curve
 from varcalc.existence.rounded import ordinates_of
 from varcalc.formulation import Refraction, Ride, broken_form, formulate
 from varcalc.formulation.broken import LENGTH_KEPT
@@ -38,7 +37,7 @@ from varcalc.methods.crossings import (
 )
 from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
-from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.mesh import CurveOrSlope, composite_gauss
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
@@ -69,7 +68,7 @@ MOST = 40
 
 
 def settled(
-    problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing], bent: Sequence[float] = ()
+    problem: Problem, method: Ritz, tol: float, curve: CurveOrSlope, found: list[Crossing], bent: Sequence[float] = ()
 ) -> Solution | None:
     """The least curve broken where ``curve`` meets switches, or where that one does, until it meets no others.
 
@@ -153,7 +152,7 @@ def _off_by(solution: Solution, on_jump: float | None) -> Solution:
     return replace(solution, error=replace(solution.error, value=solution.error.value + abs(solution.value - on_jump)))
 
 
-def _let_go(solution: Solution, seen: list[Crossing]) -> tuple[Curve, list[Crossing]] | None:
+def _let_go(solution: Solution, seen: list[Crossing]) -> tuple[CurveOrSlope, list[Crossing]] | None:
     """A curve that leaves a kink where that does not hold the solution, and its crossings; None where all hold it."""
     curve = solution.curve
     assert curve is not None
@@ -170,7 +169,7 @@ def _let_go(solution: Solution, seen: list[Crossing]) -> tuple[Curve, list[Cross
     return None
 
 
-def _parted(problem: Functional, bent: Curve, ride: Crossing, release: Release) -> Iterator[Crossing]:
+def _parted(problem: Functional, bent: CurveOrSlope, ride: Crossing, release: Release) -> Iterator[Crossing]:
     """What is left of a ride before and after it is let go; crossings where no more is, to another side."""
     assert ride.until is not None
     least = NEAR_ENDS * (problem.span[1] - problem.span[0])
@@ -203,7 +202,7 @@ def _lasting(solution: Solution, found: list[Crossing]) -> list[Crossing]:
 
 
 def _broken_in_valley(
-    problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing], bent: Sequence[float]
+    problem: Problem, method: Ritz, tol: float, curve: CurveOrSlope, found: list[Crossing], bent: Sequence[float]
 ) -> Solution | None:
     """The same near ``curve``: IPOPT may leave it beside a level, whose multiplier it does not know."""
     solution = _broken_at(problem, method, tol, curve, found, bent)
@@ -219,7 +218,7 @@ def _broken_in_valley(
     return solution if again is None or problem.sign * (again.value - solution.value) > 0 else again
 
 
-def summed_along(problem: Problem, curve: Curve) -> float:
+def summed_along(problem: Problem, curve: CurveOrSlope) -> float:
     """What is minimised, but for what ends cost, along a curve, with everything that switches."""
     x, weights = composite_gauss(np.linspace(*problem.span, PIECES_SUMMED + 1), POINTS_SUMMED)
     bent = curve(x, 2) if problem.order == 2 else None
@@ -227,7 +226,7 @@ def summed_along(problem: Problem, curve: Curve) -> float:
 
 
 def _broken_at(
-    problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing], bent: Sequence[float] = ()
+    problem: Problem, method: Ritz, tol: float, curve: CurveOrSlope, found: list[Crossing], bent: Sequence[float] = ()
 ) -> Solution | None:
     """The least curve that is broken near where ``curve`` meets switches, or is ``bent``; None where none is found."""
     if any(_throughout(problem, c) or _chattering(problem, c) for c in found):

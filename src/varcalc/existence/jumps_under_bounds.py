@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.directions import CurveOrSlope, polygonal
+from varcalc.existence.directions import polygonal
 from varcalc.existence.moved_polygons import least_through
 from varcalc.existence.polygons import Graphs, values_of
 from varcalc.existence.rests import ASIDE_OF_JUMP, Surfaces, treated
 from varcalc.formulation import Contact, formulate
 from varcalc.formulation.form import SideCondition
 from varcalc.methods.crossings import crossings
-from varcalc.numerics.mesh import GAUSS_SHARES, composite_gauss
+from varcalc.numerics.mesh import GAUSS_SHARES, CurveOrSlope, composite_gauss
 from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import breaks, on_curve
 from varcalc.problem.problem import Problem

@@ -12,11 +12,12 @@ import math
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.directions import CurveOrSlope, Departures, polygonal, stated
+from varcalc.existence.directions import Departures, polygonal, stated
 from varcalc.existence.polygons import Valley
 from varcalc.existence.together import AlongAxes
 from varcalc.formulation import Sampled
 from varcalc.numerics.branch_and_bound import boxes_about, least_points
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.problem import Curve
 from varcalc.solution import Solution
 from varcalc.symbolic.intervals import enclosures

@@ -12,8 +12,8 @@ import math
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.held_throughout import Curve
 from varcalc.methods.crossings import Crossing
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.breaks import integrals
 from varcalc.problem.problem import Problem
 
@@ -27,14 +27,14 @@ PLACES_ALONG_KINK, STEPS_ONTO = 33, 8
 """Places along a curve from which Newton's steps may lead onto a kink, and how many steps."""
 
 
-def points_up(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
+def points_up(problem: Problem, curve: CurveOrSlope, crossing: Crossing) -> bool:
     """Whether L has a maximum at the kink that a curve meets: across it L_v, or L_y, falls."""
     if not crossing.switch.depends_on(problem.symbols.highest):
         return not crossing.switch.jumps and _of_place(problem, curve, crossing)
     return _of_slope(problem, curve, crossing)
 
 
-def _of_slope(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
+def _of_slope(problem: Problem, curve: CurveOrSlope, crossing: Crossing) -> bool:
     """The same of a kink of the highest derivative."""
     s = problem.symbols
     x = np.array([crossing.x if crossing.until is None else 0.5 * (crossing.x + crossing.until)])
@@ -57,7 +57,7 @@ def _of_slope(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
     return bool(left + right - 2 * here < 0.0)
 
 
-def _of_place(problem: Problem, curve: Curve, crossing: Crossing) -> bool:
+def _of_place(problem: Problem, curve: CurveOrSlope, crossing: Crossing) -> bool:
     """The same of a kink of the place; False where a level weighs it by what is not known yet."""
     argument, numbers = crossing.switch.argument - crossing.level, problem.unknown_guesses
     function = ca.Function("across", problem.symbols.all, [argument, ca.gradient(argument, problem.symbols.y)])

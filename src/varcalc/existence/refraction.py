@@ -16,7 +16,7 @@ import numpy as np
 
 from varcalc.existence.above_kinks import above_kinks, as_held
 from varcalc.existence.directions import polygonal
-from varcalc.existence.held_throughout import Curve, held_throughout, let_go
+from varcalc.existence.held_throughout import held_throughout, let_go
 from varcalc.existence.in_pieces import FOLLOWED_TO, alike, breaking, corners, settled, summed_along
 from varcalc.existence.pointed import points_up
 from varcalc.existence.polygons import Valley
@@ -36,6 +36,7 @@ from varcalc.methods.crossings import (
     unmet,
 )
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.breaks import breakable, crowded, singular_inside
 from varcalc.problem.conditions import Bound
 from varcalc.problem.convexity import proved_jointly_convex
@@ -159,7 +160,7 @@ def _broken_near(
     return None, met
 
 
-def _met(problem: Problem, curve: Curve, nodes: np.ndarray, small: float, sizes: np.ndarray) -> list[Crossing]:
+def _met(problem: Problem, curve: CurveOrSlope, nodes: np.ndarray, small: float, sizes: np.ndarray) -> list[Crossing]:
     """The switches that a curve meets, or follows where they are less than ``small`` in their ``sizes``."""
     found = crossings(problem, curve, nodes, problem.unknown_guesses, small, sizes)
     found = _one_at_once(problem, curve, found)
@@ -241,7 +242,7 @@ def meets_switches(problem: Problem, polygon: Valley) -> bool:
     return bool((away.min(1) <= AT_REST * away.max(1)).any())
 
 
-def _small_half_way(problem: Problem, curve: Curve, sizes: np.ndarray) -> list[float]:
+def _small_half_way(problem: Problem, curve: CurveOrSlope, sizes: np.ndarray) -> list[float]:
     """What kinks may be followed by: round-off, and what each is but for a factor in the middle of a narrow valley.
 
     A valley that a free end lies in may begin beyond the middle.
@@ -290,7 +291,7 @@ def _none_stands(problem: Problem, method: Ritz, met: list[Crossing]) -> Solutio
 
 
 def _least(
-    problem: Problem, method: Ritz, tol: float, curve: Curve, found: list[Crossing], *, riding: bool
+    problem: Problem, method: Ritz, tol: float, curve: CurveOrSlope, found: list[Crossing], *, riding: bool
 ) -> Solution | None:
     """The least curve that meets switches as ``curve`` does, the ones it is ``riding`` on among them; None for none.
 
@@ -314,7 +315,7 @@ def _least(
     return None
 
 
-def _one_at_once(problem: Problem, curve: Curve, found: list[Crossing]) -> list[Crossing]:
+def _one_at_once(problem: Problem, curve: CurveOrSlope, found: list[Crossing]) -> list[Crossing]:
     """The crossings with one switch of its place that a function follows at once: the one it is nearest to.
 
     Kinks beside it are gone through on the way there, and back.
@@ -335,7 +336,7 @@ def _one_at_once(problem: Problem, curve: Curve, found: list[Crossing]) -> list[
     return sorted([*kept, *passed], key=lambda c: c.x)
 
 
-def _distance(problem: Problem, curve: Curve, crossing: Crossing, x: float) -> float:
+def _distance(problem: Problem, curve: CurveOrSlope, crossing: Crossing, x: float) -> float:
     """How far a curve is from a switch at one abscissa."""
     number = next(i for i, switch in enumerate(on_curve(problem)) if switch is crossing.switch)
     along = arguments_along(problem, curve, np.array([x]), problem.unknown_guesses)

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from varcalc.existence.directions import CurveOrSlope
 from varcalc.formulation import Form, Sampled, Stated, conditions_of, formulate
 from varcalc.methods.crossings import ARGUMENT_ROUND_OFF
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem

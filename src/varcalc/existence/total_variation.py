@@ -7,7 +7,7 @@ and Lagrange's inclusion; Clarke, "Optimization and Nonsmooth Analysis", 1983, s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -21,7 +21,7 @@ from varcalc.existence.linear_between import LinearBetweenKinks, linear_between_
 from varcalc.existence.on_level import least_on_level, level_let_go, level_of
 from varcalc.existence.placed_lines import BEYOND_KINK, PLACES_OF_CHANGE, SHORTEST_LINE, OnLines, settled
 from varcalc.methods.ritz.method import Ritz
-from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.mesh import CurveOrSlope, composite_gauss
 from varcalc.numerics.resampled import resampled
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.problem import Problem
@@ -237,7 +237,7 @@ class _CurveOnLines:
         sides = [None if at and not self.places.problem.start.periodic else stretch.piece for at in at_end]
         return Chain((low, high), float(ordinate), (kink,), (sides[0], sides[1]))
 
-    def rates(self, curve: Callable[[np.ndarray, int], np.ndarray]) -> dict[str, float]:
+    def rates(self, curve: CurveOrSlope) -> dict[str, float]:
         """dJ/dparameter, what L changes by along the curve; NaN where that differs beside a kink that then moves."""
         problem, kinks = self.places.problem, self.places.kinks
         s, names = problem.symbols, list(problem.parameters)

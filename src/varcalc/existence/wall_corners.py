@@ -15,10 +15,11 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.above_kinks import as_held
-from varcalc.existence.directions import CurveOrSlope, polygonal
+from varcalc.existence.directions import polygonal
 from varcalc.existence.polygons import Valley
 from varcalc.formulation import formulate
 from varcalc.methods.ritz.method import Ritz
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.breaks import breaks, switches_of
 from varcalc.problem.conditions import Bound, Through
 from varcalc.problem.problem import Problem

@@ -13,6 +13,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.functional import Functional
@@ -69,9 +70,7 @@ def _arguments(problem: Functional) -> ca.Function:
     return ca.Function("arguments", s.all, [ca.vertcat(*found)])
 
 
-def arguments_along(
-    problem: Functional, curve: Callable[[np.ndarray, int], np.ndarray], x: np.ndarray, unknowns: np.ndarray
-) -> np.ndarray:
+def arguments_along(problem: Functional, curve: CurveOrSlope, x: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
     """What decides each switch of ``on_curve``, at abscissae x (m,) of a curve; shape (switches, m)."""
     y, dy = curve(x, 0), curve(x, 1)
     ddy = curve(x, 2) if problem.order == 2 else np.zeros((0, len(x)))
@@ -82,7 +81,7 @@ def arguments_along(
 
 def crossings(
     problem: Functional,
-    curve: Callable[[np.ndarray, int], np.ndarray],
+    curve: CurveOrSlope,
     nodes: np.ndarray,
     unknowns: np.ndarray,
     small: float = ARGUMENT_ROUND_OFF,
@@ -123,7 +122,7 @@ def crossings(
 
 
 def _size(
-    problem: Functional, switch: Switch, values: np.ndarray, curve: Callable[[np.ndarray, int], np.ndarray],
+    problem: Functional, switch: Switch, values: np.ndarray, curve: CurveOrSlope,
     x: np.ndarray, unknowns: np.ndarray,
 ) -> float:  # fmt: skip
     """How large an argument is along a curve, by its ``values`` at x (m,); where these are round-off, its terms."""

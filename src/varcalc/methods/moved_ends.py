@@ -8,11 +8,10 @@ multipliers. For a curve in space p = F_q' alone remains.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import casadi as ca
 import numpy as np
 
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.breaks import along_x, breaks, moving_breaks, switches_of
 from varcalc.problem.conditions import Isoperimetric, parameters_of
 from varcalc.problem.functional import Functional
@@ -25,7 +24,7 @@ AT_BREAK, BESIDE_BREAK = 1e-9, 1e-12
 
 def by_what_moves(
     problem: Functional,
-    curve: Callable[[np.ndarray, int], np.ndarray],
+    curve: CurveOrSlope,
     multipliers: tuple[float | None, ...],
     unknowns: np.ndarray,
 ) -> np.ndarray | float:
@@ -40,7 +39,7 @@ def by_what_moves(
 
 def by_moved_ends(
     problem: Functional,
-    curve: Callable[[np.ndarray, int], np.ndarray],
+    curve: CurveOrSlope,
     multipliers: tuple[float | None, ...],
     unknowns: np.ndarray,
 ) -> np.ndarray:
@@ -66,7 +65,7 @@ def by_moved_ends(
 
 def by_moved_breaks(
     problem: Functional,
-    curve: Callable[[np.ndarray, int], np.ndarray],
+    curve: CurveOrSlope,
     multipliers: tuple[float | None, ...],
     unknowns: np.ndarray,
 ) -> np.ndarray:
@@ -105,7 +104,7 @@ def _none(problem: Functional) -> np.ndarray:
 
 def _covector(
     problem: Functional,
-    curve: Callable[[np.ndarray, int], np.ndarray],
+    curve: CurveOrSlope,
     multipliers: tuple[float | None, ...],
     unknowns: np.ndarray,
     x: float,

@@ -32,6 +32,9 @@ NEAREST_VERTICES = 64.0 * np.finfo(float).eps
 FEW = 2000
 """Points at which a curve is evaluated at a time, the coefficients laid out for each of them."""
 
+CurveOrSlope = Callable[[np.ndarray, int], np.ndarray]
+"""A curve (n, m) at x (m,), or its derivative of the order that is given."""
+
 
 @lru_cache(maxsize=256)
 def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:

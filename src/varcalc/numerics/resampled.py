@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from varcalc.numerics.mesh import CurveOrSlope
+
 PIECE_DEGREE = 20
 """Of the polynomial on a piece."""
 ROUNDED_ALIKE = 4e-15
@@ -92,7 +94,7 @@ class SentResampled(ABC):
         return Resampled, (resampled(self, self.nodes, 1 + self.order).derivatives,)
 
 
-def resampled(curve: Callable[[np.ndarray, int], np.ndarray], edges: Iterable[float], count: int) -> Resampled:
+def resampled(curve: CurveOrSlope, edges: Iterable[float], count: int) -> Resampled:
     """``curve(x, k)`` for k below ``count``, between the first and the last of ``edges``, where it may have kinks."""
     marks = np.unique(np.array([*edges], dtype=float))
     marks = np.append(marks[:-1][np.diff(marks) > SMALLEST * (marks[-1] - marks[0])], marks[-1])

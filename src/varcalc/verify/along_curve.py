@@ -23,7 +23,7 @@ import numpy as np
 
 from varcalc.formulation import Form, Sampled, SideCondition
 from varcalc.methods.answer import Extremal, lifted, sample
-from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.mesh import CurveOrSlope, composite_gauss
 from varcalc.problem.functional import Symbols
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Problem
@@ -57,7 +57,7 @@ class AlongCurve:
     forces: tuple[Sampled, ...]
     span: tuple[float, float]
     vertices: np.ndarray
-    evaluate: Callable[[np.ndarray, int], np.ndarray]
+    evaluate: CurveOrSlope
     numbers: np.ndarray
     slides: bool
     held: tuple[float, ...] = ()

@@ -5,7 +5,6 @@ It costs one call of L; a verification looks in more directions at more points (
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,6 +14,7 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.methods.answer import AlongGraph
 from varcalc.numerics.chebyshev import roots
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.breaks import breaks, on_curve
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.functional import Functional
@@ -511,9 +511,7 @@ class SlopesBeside(NamedTuple):
     jump: np.ndarray
 
 
-def slopes_beside(
-    curve: Callable[[np.ndarray, int], np.ndarray], vertices: np.ndarray, inner: np.ndarray
-) -> SlopesBeside:
+def slopes_beside(curve: CurveOrSlope, vertices: np.ndarray, inner: np.ndarray) -> SlopesBeside:
     """The slopes of a curve on either side of inner vertices, each in the element next to them, however short.
 
     A jump is one of the slope there or, where that is small, of the curve's mean slope; and more than the round-off

@@ -7,7 +7,7 @@ Variations", sect. 14 and 16).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from varcalc.formulation import Contact, Form, SideCondition
 from varcalc.methods.ritz.steepest import ordinate_at
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -111,9 +112,7 @@ def _reached(form: Form, seen: Solution, end: int) -> Iterator[Contact]:
                 yield Contact(c.index, level, x, x)
 
 
-def _at(
-    form: Form, expressions: list[ca.SX], x: np.ndarray, curve: Callable[[np.ndarray, int], np.ndarray]
-) -> np.ndarray:
+def _at(form: Form, expressions: list[ca.SX], x: np.ndarray, curve: CurveOrSlope) -> np.ndarray:
     """Expressions of the form at one place x (1,) of a curve."""
     function = ca.Function("at", form.symbols.all, [ca.densify(ca.vertcat(*expressions))])
     unknowns = form.start.unknowns

@@ -43,7 +43,7 @@ from varcalc.methods.ritz.steepest import (
 from varcalc.methods.ritz.switching import of_first_degree, switching
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.methods.ritz.touching import Touching, touchable, touching
-from varcalc.numerics.mesh import Space, on_one_element
+from varcalc.numerics.mesh import CurveOrSlope, Space, on_one_element
 from varcalc.problem.conditions import truth, whole
 from varcalc.showing import Brief
 from varcalc.solution import ErrorEstimate, Solution, Stats, Status, Verdict, no_answer
@@ -245,7 +245,7 @@ class Ritz(Brief):
 
     def at_contacts(
         self, stated: Callable[[Sequence[Contact]], Form | None], contacts: Sequence[Contact],
-        curve: Callable[[np.ndarray, int], np.ndarray], tol: float,
+        curve: CurveOrSlope, tol: float,
     ) -> tuple[Solution, list[Contact]] | None:  # fmt: skip
         """The answer that follows ``contacts``, moved to where it sets out smoothly; None for none.
 
@@ -301,7 +301,7 @@ def first_degree(form: Form) -> int:
     return next((degree for degree in DEGREES[form.order] if degree >= least), least)
 
 
-def _ordinates(curve: Callable[[np.ndarray, int], np.ndarray], x: np.ndarray) -> np.ndarray:
+def _ordinates(curve: CurveOrSlope, x: np.ndarray) -> np.ndarray:
     return curve(x, 0)
 
 

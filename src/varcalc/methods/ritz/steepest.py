@@ -18,6 +18,7 @@ import numpy as np
 
 from varcalc.formulation import Contact, Form, Sampled
 from varcalc.methods.ritz.touching import touched_stretches
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.conditions import Bound
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -148,7 +149,7 @@ def moved(form: Form, contacts: Sequence[Contact], solution: Solution) -> list[C
 
 def _refracted(
     form: Form, expression: ca.SX, x: float, before: float, after: float,
-    curve: Callable[[np.ndarray, int], np.ndarray], free: Sequence[bool] = (True, True),
+    curve: CurveOrSlope, free: Sequence[bool] = (True, True),
 ) -> float:  # fmt: skip
     """Nearly where a curve that is held on a surface at x has the same energy on both sides, with so much room there.
 
@@ -178,9 +179,7 @@ def _pace(form: Form, expression: ca.SX) -> ca.SX:
     return ca.gradient(expression, s.x) + ca.gradient(expression, s.y) * s.dy
 
 
-def carried(
-    form: Form, before: Sequence[Contact], after: Sequence[Contact], curve: Callable[[np.ndarray, int], np.ndarray]
-) -> Sampled:
+def carried(form: Form, before: Sequence[Contact], after: Sequence[Contact], curve: CurveOrSlope) -> Sampled:
     """A curve as a guess, its corners carried from the ends of contacts to where these are afterwards."""
     old, new = ([form.span[0], *(e for c in each for e in (c.start, c.end)), form.span[1]] for each in (before, after))
     if len(old) != len(new) or np.any(np.diff(new) < 0):
@@ -256,7 +255,7 @@ def shift(form: Form, before: Sequence[Contact], after: Sequence[Contact]) -> fl
 
 def _set_out(
     form: Form, along: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray], level: float, end: float,
-    room: float, length: float, curve: Callable[[np.ndarray, int], np.ndarray],
+    room: float, length: float, curve: CurveOrSlope,
 ) -> float:  # fmt: skip
     """By how much to move the end of a stretch of a ``length`` with ``room`` beside it."""
     s, inside = form.symbols, end - math.copysign(BESIDE_END * length, room)
@@ -276,7 +275,7 @@ def _set_out(
 
 def _setting_out(
     along: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray], level: float, end: float, room: float,
-    curve: Callable[[np.ndarray, int], np.ndarray],
+    curve: CurveOrSlope,
 ) -> float:  # fmt: skip
     """By how much to move the end of a stretch with ``room`` beside it, where a function should have its ``level``.
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from varcalc.formulation import Contact, Form, SideCondition, broken_form
 from varcalc.methods.answer import Extremal, lifted, runs_forwards
-from varcalc.numerics.mesh import subdivided
+from varcalc.numerics.mesh import CurveOrSlope, subdivided
 from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound
@@ -177,7 +177,7 @@ def _within(form: Form, contact: Contact, share: float) -> Contact:
     return replace(contact, start=middle - half, end=middle + half)
 
 
-def placed(form: Form, contacts: list[Contact], curve: Callable[[np.ndarray, int], np.ndarray]) -> Touching:
+def placed(form: Form, contacts: list[Contact], curve: CurveOrSlope) -> Touching:
     """The form with these contacts, begun from a curve."""
     assert isinstance(form.problem, Problem)
     broken = broken_form(form.problem, marks(form, contacts), lambda x: curve(x, 0), contacts, keeping=True)
@@ -197,9 +197,7 @@ def _stretches(x: np.ndarray, near: np.ndarray) -> list[tuple[float, float]]:
     return [(float(x[i]), float(x[j])) for i, j in runs(joined) if j - i + 1 >= LEAST_SAMPLES]
 
 
-def _along(
-    form: Form, condition: SideCondition, curve: Callable[[np.ndarray, int], np.ndarray], x: np.ndarray
-) -> np.ndarray:
+def _along(form: Form, condition: SideCondition, curve: CurveOrSlope, x: np.ndarray) -> np.ndarray:
     """A bound's function along a curve at x (m,)."""
     numbers = (form.problem.parameter_values[None], form.start.unknowns[None])
     slopes = (curve(x, 1).T, np.zeros((1, form.order - 1)))  # no bound here depends on the curvature
