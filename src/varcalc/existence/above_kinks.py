@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Form, Sampled
@@ -16,6 +15,7 @@ from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.resampled import resampled
+from varcalc.problem.end_cost import cost_along
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 
@@ -67,15 +67,6 @@ def as_held(problem: Problem, solution: Solution) -> bool:
     # where round-off puts a curve on either side of a jump it runs along that, on which L is either
     felt[felt > JUMP_BY_ROUND_OFF * np.abs(values).max()] = 0.0
     value, size, round_off = (float(v @ weights) for v in (values, np.abs(values), felt))
-    cost = _end_cost(problem, solution)
+    numbers = np.array(list(solution.unknowns.values()))
+    cost = problem.sign * cost_along(problem, solution.curve, solution.interval, numbers)
     return abs(value + cost - solution.value) <= solution.error.value + HELD * (size + abs(cost)) + round_off
-
-
-def _end_cost(problem: Problem, solution: Solution) -> float:
-    """What the ends of a curve cost."""
-    if problem.end_cost_expression is None or solution.curve is None:
-        return 0.0
-    ends, expression = problem.end_cost_expression
-    function = ca.Function("cost", [*ends, problem.symbols.parameters, problem.symbols.unknowns], [expression])
-    places = [v for x in solution.x[[0, -1]] for v in (x, solution.curve(np.array([x]), 0)[:, 0])]
-    return float(function(*places, problem.parameter_values, np.array(list(solution.unknowns.values()))))

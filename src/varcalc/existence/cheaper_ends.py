@@ -12,11 +12,12 @@ from itertools import product
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.directions import Departures, end_cost
+from varcalc.existence.directions import Departures
 from varcalc.existence.polygons import Valley
 from varcalc.existence.together import AlongAxes
 from varcalc.numerics.branch_and_bound import boxes_about, least_points
 from varcalc.problem.conditions import Through
+from varcalc.problem.end_cost import end_cost
 from varcalc.solution import Solution
 from varcalc.symbolic.intervals import Interval, enclosures
 from varcalc.symbolic.variation import SWITCHED, VARYING, Rules, gentle

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,9 @@ import numpy as np
 
 from varcalc.formulation import formulate
 from varcalc.formulation.height import breadths
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.conditions import Bound, Isoperimetric, Through
+from varcalc.problem.end_cost import costs_of_ends
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve
 from varcalc.solution import Solution
@@ -29,8 +31,6 @@ BEND_ALIKE, BENDS_ROUNDED = 1 - 1e-6, 1e-12
 """Cosine from which on two functions bend alike; what round-off makes of none, in units of their values."""
 SLACK = 1e-10
 """Multiplier of a level that does not hold the curve."""
-CurveOrSlope = Callable[[np.ndarray, int], np.ndarray]
-"""A curve (n, m) at x (m,), or its derivative of the order that is given."""
 Rows = Sequence[np.ndarray | None]
 """One array a function, all of which broadcast."""
 
@@ -225,16 +225,13 @@ class Departures:
 
     def at_end(self, side: int, away: np.ndarray) -> np.ndarray:
         """The cost (m,) of the ends that depart by ``away`` (m, n) from the known one; of the start, what that adds."""
-        cost = _end_cost_at_points(self.problem)
-        if cost is None:
+        if self.problem.end_cost is None:
             return np.zeros(len(away))
-        own = self.curve(np.array(self.span), 0)
-        ends = [np.repeat(own[:, [k]], 1 + len(away), axis=1) for k in (0, 1)]
+        x = np.array(self.span)
+        ends = [np.repeat(own[:, None], 1 + len(away), axis=1) for own in self.curve(x, 0).T]
         ends[side][:, 1:] += away.T
-        places = np.array(self.span)[:, None]
-        numbers = [np.array(own)[None] for own in self.numbers]
-        found = cost(1 + len(away), places[:1], ends[0].T, places[1:], ends[1].T, *numbers)[:, 0]
-        return self.sign * (found[1:] if side else found[1:] - found[0])
+        found = costs_of_ends(self.problem, (x[:1], ends[0]), (x[1:], ends[1]), np.array(self.numbers[1])[None])
+        return found[1:] if side else found[1:] - found[0]
 
 
 def polygonal(x: np.ndarray, y: np.ndarray) -> CurveOrSlope:
@@ -264,20 +261,3 @@ def columns(problem: Functional) -> Columns:
     Raises TypeError or ValueError where NumPy has no form of it.
     """
     return PointEvaluator(stated(problem)).columns
-
-
-@derived
-def end_cost(problem: Functional) -> ca.Function | None:
-    """The cost of the ends as a function of (x0, y0, x1, y1, parameters, unknowns)."""
-    if problem.end_cost_expression is None:
-        return None
-    ends, cost = problem.end_cost_expression
-    ends = ends if len(ends) == 4 else [ca.SX.sym("t0"), ends[0], ca.SX.sym("t1"), ends[1]]
-    symbols = problem.symbols
-    return ca.Function("end_cost", [*ends, symbols.parameters, symbols.unknowns], [cost])
-
-
-@derived
-def _end_cost_at_points(problem: Functional) -> PointEvaluator | None:
-    function = end_cost(problem)
-    return None if function is None else PointEvaluator(function)

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.directions import end_cost
 from varcalc.existence.hidden_pieces import hidden_points
 from varcalc.existence.kept_polygons import LABELS, PIECES_KEPT, KeptPolygon
 from varcalc.formulation import Sampled, formulate
 from varcalc.formulation.height import breadths
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.conditions import AnyEnd, OnCurve
+from varcalc.problem.end_cost import costs_of_ends
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Solution
 
@@ -330,17 +330,11 @@ class DrawnToPlaces:
 
     def _costs(self, ends: np.ndarray) -> np.ndarray:
         """What ``ends`` (k, 2, d) cost, as it is minimised; (k,)."""
-        cost, count = end_cost(self.problem), len(ends)
-        if cost is None:
-            return np.zeros(count)
-        points = [ends[:, side].T for side in (0, 1)]
-        if self._graph:
-            handed = [part for point in points for part in (point[:1], point[1:])]
-        else:
-            times = (np.full((1, count), t) for t in self.span)
-            handed = [part for pair in zip(times, points, strict=True) for part in pair]
-        numbers = [np.tile(self.problem.parameter_values[:, None], count), np.zeros((0, count))]
-        return self.problem.sign * np.asarray(cost(*handed, *numbers)).ravel()
+        start, end = (
+            (point[0], point[1:]) if self._graph else (np.array([t]), point)
+            for point, t in zip(ends.transpose(1, 2, 0), self.span, strict=True)
+        )
+        return costs_of_ends(self.problem, start, end, self.problem.unknown_guesses[None])
 
     def _place(self, ends: np.ndarray, value: float) -> PlaceOfEnds:
         """The ``ends`` (2, d) with what a solve that begins there needs."""

@@ -19,6 +19,7 @@ from varcalc.formulation import formulate
 from varcalc.formulation.height import height
 from varcalc.problem.breaks import kinks_at_ends
 from varcalc.problem.conditions import Bound, Fixed
+from varcalc.problem.end_cost import cost_along
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -141,7 +142,8 @@ def _beside(problem: Problem, end: int, ordinate: float, solved: Callable[[Probl
         return None
     places = [v for x in problem.span for v in (x, float(solution.curve(np.array([x]), 0)[0, 0]))]
     numbers[1] = np.array(list(solution.unknowns.values()))
-    stated, taken = (float(f(*places, *numbers)) for f in (ca.Function("cost", symbols, [cost]), function))
+    stated = problem.sign * cost_along(problem, solution.curve, problem.span, numbers[1])
+    taken = float(function(*places, *numbers))
     if abs(stated - taken) > solution.error.value + ON_SWITCH * abs(stated):
         return None
     return replace(solution, problem=problem, extremal=None)

@@ -8,7 +8,7 @@ is seen by following all momenta at once: an interval that must not become empty
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import count as counted
 from typing import NamedTuple
@@ -20,18 +20,17 @@ from varcalc.formulation import formulate
 from varcalc.formulation.height import height
 from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.method import Ritz
-from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.mesh import CurveOrSlope, composite_gauss
 from varcalc.numerics.resampled import resampled
 from varcalc.problem.breaks import breaks, kinks_at_ends, on_curve
 from varcalc.problem.convexity import proved_jointly_convex
+from varcalc.problem.end_cost import cost_along, costs_of_ends, natural_momenta
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Status
 from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.switches import Switch
 from varcalc.verify.held_by_kinks import BESIDE_KINK
-
-Curve = Callable[[np.ndarray, int], np.ndarray]
 
 SUMMED_ELEMENTS, SUMMED_POINTS = 64, 12
 MOMENTUM_STEPS = 2001
@@ -81,7 +80,7 @@ class HeldMomentum(NamedTuple):
     returns: bool
 
 
-def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Crossing]) -> Solution | None:
+def held_throughout(problem: Problem, method: Ritz, curve: CurveOrSlope, found: list[Crossing]) -> Solution | None:
     """The minimum that follows a kink from end to end; None where none is shown to."""
     convex = proved_jointly_convex(problem)
     for switch, along in _followed(problem, curve, found):
@@ -97,7 +96,7 @@ def held_throughout(problem: Problem, method: Ritz, curve: Curve, found: list[Cr
     return None
 
 
-def let_go(problem: Problem, curve: Curve, found: list[Crossing]) -> bool:
+def let_go(problem: Problem, curve: CurveOrSlope, found: list[Crossing]) -> bool:
     """Whether a curve follows a kink of the slope from end to end along which there is no momentum to hold it.
 
     Points between which the momentum is not followed, such as those of a mesh, do not tell.
@@ -107,7 +106,7 @@ def let_go(problem: Problem, curve: Curve, found: list[Crossing]) -> bool:
     return any(_closing_momentum(problem, along) is None for _, along in _followed(problem, curve, whole))
 
 
-def _followed(problem: Problem, curve: Curve, found: list[Crossing]) -> Iterator[tuple[Switch, Curve]]:
+def _followed(problem: Problem, curve: CurveOrSlope, found: list[Crossing]) -> Iterator[tuple[Switch, CurveOrSlope]]:
     """The kinks that a curve follows, and the curves from end to end along each of them."""
     plain = problem.n == problem.order == 1 and not (problem.constraints or problem.unknowns)
     if not plain or any(problem.slides) or kinks_at_ends(problem):
@@ -190,32 +189,19 @@ def _resting_on_level(problem: Problem, method: Ritz) -> Solution | None:
     return None
 
 
-def _closing_momentum(problem: Problem, along: Curve) -> HeldMomentum | None:
+def _closing_momentum(problem: Problem, along: CurveOrSlope) -> HeldMomentum | None:
     """Momenta along a curve: of a closed one alike at both ends, at free ends what their cost asks for.
 
     None where there are none.
     """
     x = np.union1d(np.linspace(*problem.span, MOMENTUM_STEPS), breaks(problem))
-    momentum = held_momentum(problem, along, x, () if problem.start.periodic else _momenta_at_ends(problem, along))
+    momentum = held_momentum(problem, along, x, () if problem.start.periodic else natural_momenta(problem, along))
     if momentum is None or not problem.start.periodic:
         return momentum
     if not momentum.returns:  # however much friction would hold, it holds nothing that goes down as a whole
         return None
     begun = float(momentum.values[0])
     return held_momentum(problem, along, x, (begun, begun))
-
-
-def _momenta_at_ends(problem: Problem, along: Curve) -> tuple[float | None, ...]:
-    """The momentum at each end that is free, by what its ordinate costs; None for one that is given."""
-    ends = problem.start, problem.end
-    rates = [0.0, 0.0]
-    if problem.end_cost_expression is not None:
-        (symbols, cost), s = problem.end_cost_expression, problem.symbols
-        gradient = ca.gradient(cost, ca.vertcat(*symbols[1::2]))
-        places = [v for x in problem.span for v in (x, along(np.array([x]), 0)[0, 0])]
-        function = ca.Function("rates", [*symbols, s.parameters, s.unknowns], [ca.densify(gradient)])
-        rates = (np.asarray(function(*places, problem.parameter_values, np.zeros(0))).ravel() * problem.sign).tolist()
-    return tuple(None if end.fixed else way * rate for end, way, rate in zip(ends, (1.0, -1.0), rates, strict=True))
 
 
 def _at_rest(problem: Problem, switch: Switch) -> bool:
@@ -227,7 +213,7 @@ def _at_rest(problem: Problem, switch: Switch) -> bool:
     return bool(switch.met(*(np.asarray(argument(0.0, problem.parameter_values)).ravel() for _ in range(2)))[0] > 0)
 
 
-def _constant(ordinate: float) -> Curve:
+def _constant(ordinate: float) -> CurveOrSlope:
     return lambda x, derivative: np.full((1, len(x)), 0.0 if derivative else ordinate)
 
 
@@ -248,7 +234,8 @@ def _cheapest_rests(problem: Problem) -> list[tuple[float, float]]:
         return float(summed(np.array([y]))[0])
 
     def summed(y: np.ndarray) -> np.ndarray:
-        return terms(y).sum(1) + problem.sign * _cost_of_ends(problem, y, y)
+        start, end = ((at, y[None]) for at in np.array(problem.span)[:, None])
+        return terms(y).sum(1) + costs_of_ends(problem, start, end, problem.unknown_guesses[None])
 
     found = []
     tried = width * RESTS_TRIED
@@ -265,25 +252,12 @@ def _cheapest_rests(problem: Problem) -> list[tuple[float, float]]:
     return [(y, room) for _, y, room in sorted(found)]
 
 
-def _cost_of_ends(problem: Problem, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """What the ends of curves cost whose ordinates there are ``first`` and ``last`` (m,)."""
-    if problem.end_cost_expression is None:
-        return np.zeros(len(first))
-    (symbols, cost), s = problem.end_cost_expression, problem.symbols
-    function = ca.Function("cost", [*symbols, s.parameters, s.unknowns], [cost])
-    numbers = in_columns(len(first), problem.parameter_values, np.zeros(0))
-    places = [
-        row for x, y in zip(problem.span, (first, last), strict=True) for row in (np.full((1, len(y)), x), y[None])
-    ]
-    return np.asarray(function(*places, *numbers)).ravel()
-
-
 def _summed_on(problem: Problem) -> np.ndarray:
     """Edges of the elements on which a curve at rest is summed."""
     return np.union1d(np.linspace(*problem.span, SUMMED_ELEMENTS + 1), breaks(problem))
 
 
-def _between_ends(problem: Problem, along: Curve) -> bool:
+def _between_ends(problem: Problem, along: CurveOrSlope) -> bool:
     """Whether a curve comes from the start to the end, where these are given."""
     reached = along(np.array(problem.span), 0)[0]
     given = np.array([float(end.values(1)[0]) for end in (problem.start, problem.end)])
@@ -294,7 +268,7 @@ def _between_ends(problem: Problem, along: Curve) -> bool:
     return bool((np.abs(reached - given) <= room).all())
 
 
-def on_level(problem: Problem, switch: Switch, curve: Curve) -> Curve:
+def on_level(problem: Problem, switch: Switch, curve: CurveOrSlope) -> CurveOrSlope:
     """The curve along which a switch that does not feel the slope is zero, by Newton's method from another."""
     s = problem.symbols
     rates = [ca.gradient(switch.argument, v) for v in (s.x, s.y)]
@@ -315,7 +289,7 @@ class _CreepingError(Exception):
     """A path along which slopes jump from one to another, as where a switch is zero at two: steps come to nothing."""
 
 
-def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
+def _following(problem: Problem, switch: Switch, curve: CurveOrSlope) -> CurveOrSlope | None:
     """The curve from an end along which a switch is zero, its slopes by Newton's method from those of another.
 
     None where these lead to none.
@@ -360,7 +334,7 @@ def _following(problem: Problem, switch: Switch, curve: Curve) -> Curve | None:
 
 
 def held_momentum(
-    problem: Problem, along: Curve, x: np.ndarray, ends: Sequence[float | None] = (),
+    problem: Problem, along: CurveOrSlope, x: np.ndarray, ends: Sequence[float | None] = (),
     pressed: np.ndarray = NOT_PRESSED, size: float = 0.0,
 ) -> HeldMomentum | None:  # fmt: skip
     """Momenta between L_y' on both sides of the kink whose rates are between L_y on both; None where there are none.
@@ -425,7 +399,7 @@ def _between(rates: np.ndarray, widths: np.ndarray) -> np.ndarray:
     return 0.5 * (rates[1:] + rates[:-1]) - np.where(even, (bends[1:] + bends[:-1]) / 24, 0.0)
 
 
-def _stands(problem: Problem, along: Curve, momentum: HeldMomentum) -> bool:
+def _stands(problem: Problem, along: CurveOrSlope, momentum: HeldMomentum) -> bool:
     """Whether the curve is a strong minimum among those near it, though L is not convex in the ordinate.
 
     Where momenta may be a little greater and a little less, each small variation eta costs a share of the integral of
@@ -444,7 +418,7 @@ def _stands(problem: Problem, along: Curve, momentum: HeldMomentum) -> bool:
 
 
 def answer_along(
-    problem: Problem, method: Ritz, along: Curve, edges: Sequence[float] | np.ndarray = (), *, room: float = 0.0,
+    problem: Problem, method: Ritz, along: CurveOrSlope, edges: Sequence[float] | np.ndarray = (), *, room: float = 0.0,
     rates: dict[str, float] | None = None,
 ) -> Solution:  # fmt: skip
     """The functional of a curve, with what two rules differ by and round-off of ordinates beside a kink makes.
@@ -457,7 +431,7 @@ def answer_along(
         x, weights = composite_gauss(mesh, points)
         y = (1.0 + near * ORDINATE_ROUND_OFF) * along(x, 0) + near * room
         terms = problem.integrand_values(x, y, along(x, 1))
-        cost = float(_cost_of_ends(problem, *(along(np.array([end]), 0)[0] for end in problem.span))[0])
+        cost = problem.sign * cost_along(problem, along, problem.span, problem.unknown_guesses)
         values.append((float(terms @ weights) + cost, float(np.abs(terms) @ weights) + abs(cost)))
     (coarse, _), (value, size), (moved, _) = values
     error = abs(value - coarse) + abs(value - moved) + FOLLOWED_TOLERANCE * size
@@ -469,7 +443,7 @@ def answer_along(
     )  # fmt: skip
 
 
-def _sensitivities(problem: Problem, along: Curve, x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
+def _sensitivities(problem: Problem, along: CurveOrSlope, x: np.ndarray, weights: np.ndarray) -> dict[str, float]:
     """dJ/dparameter, that of L at the curve; NaN where it differs from side to side of a kink, which then moves."""
     s = problem.symbols
     rate = ca.Function("rate", s.all, [ca.densify(ca.gradient(problem.integrand, s.parameters))])

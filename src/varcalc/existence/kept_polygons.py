@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.directions import end_cost
 from varcalc.existence.rounded import rounded_off
 from varcalc.formulation import formulate
 from varcalc.numerics.mesh import GAUSS_SHARES, composite_gauss
 from varcalc.problem.conditions import Bound, Isoperimetric
+from varcalc.problem.end_cost import end_cost
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.tracing import Expression

@@ -10,13 +10,12 @@ import copy
 from collections.abc import Iterator
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
-from varcalc.existence.directions import CurveOrSlope
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import integrals
 from varcalc.problem.conditions import Isoperimetric
+from varcalc.problem.end_cost import costs_of_ends
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
@@ -97,6 +96,7 @@ def _summed(best: Solution, numbers: np.ndarray) -> tuple[np.ndarray, float]:
     assert curve is not None
     x, weights = composite_gauss(np.linspace(*best.interval, PANELS_OF_CURVE + 1), POINTS_OF_PANEL)
     y, dy = curve(x, 0), curve(x, 1)
+    start, end = ((at, curve(at, 0)) for at in np.array(best.interval)[:, None])
     levels = [m for c, m in zip(problem.constraints, best.multipliers, strict=True) if isinstance(c, Isoperimetric)]
     prices = problem.sign * np.array([1.0, *(-float(m or 0.0) for m in levels)])
     count, points = len(numbers), len(x)
@@ -106,16 +106,6 @@ def _summed(best: Solution, numbers: np.ndarray) -> tuple[np.ndarray, float]:
     with np.errstate(all="ignore"):
         terms = np.vstack([np.asarray(term) for term in integrals(problem).call(given)])
         values = (prices @ terms).reshape(count, points)
-        sums = values @ weights + _cost(problem, best.interval, curve, numbers)
+        sums = values @ weights + costs_of_ends(problem, start, end, numbers)
     own = np.abs(values[int(np.argmin(np.abs(numbers - list(best.unknowns.values())).sum(1)))])
     return np.where(np.isfinite(sums), sums, np.inf), float(own @ weights)
-
-
-def _cost(problem: Problem, ends: tuple[float, float], curve: CurveOrSlope, numbers: np.ndarray) -> np.ndarray:
-    """What the ends of the curve cost for the numbers, (k,)."""
-    if problem.end_cost_expression is None:
-        return np.zeros(len(numbers))
-    symbols, expression = problem.end_cost_expression
-    function = ca.Function("cost", [*symbols, problem.symbols.parameters, problem.symbols.unknowns], [expression])
-    places = [v for x in ends for v in (x, curve(np.array([x]), 0)[:, 0])]
-    return problem.sign * np.array([float(function(*places, problem.parameter_values, row)) for row in numbers])

@@ -20,13 +20,13 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
 
-from varcalc.existence.directions import end_cost
 from varcalc.existence.relaxed_polygons import least_relaxed
 from varcalc.existence.rounded import points_along, rounded_off
 from varcalc.existence.slope_sectors import by_sector, slope_sectors
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.breaks import breaks, on_curve
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
+from varcalc.problem.end_cost import end_cost
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.evaluation import PointEvaluator

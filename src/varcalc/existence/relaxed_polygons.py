@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from varcalc.existence.directions import end_cost
 from varcalc.existence.moved_polygons import least_through
 from varcalc.problem.breaks import bounds
 from varcalc.problem.conditions import Bound
+from varcalc.problem.end_cost import costs_of_ends
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import answered, derived
 from varcalc.symbolic.evaluation import PointEvaluator
@@ -65,15 +65,13 @@ def _least(problem: Problem, x: np.ndarray, levels: np.ndarray, ends: list[float
 
 def _begun(problem: Problem, x: np.ndarray, levels: np.ndarray, ends: list[float]) -> list[np.ndarray]:
     """What it costs to begin, and to end, at each level: without end where another ordinate is given."""
-    cost, added = end_cost(problem), []
+    added, places = [], [(at, np.nan_to_num(np.array([[y]]))) for at, y in zip((x[:1], x[-1:]), ends, strict=True)]
     for side, y in enumerate(ends):
         at = np.where(np.isnan(y) | (levels == y), 0.0, np.inf)
-        if cost is not None and np.isnan(y):
-            other = np.nan_to_num(ends[1 - side])
-            pairs = [(level, other) if side == 0 else (other, level) for level in levels]
-            at = at + problem.sign * np.array(
-                [float(cost(x[0], p, x[-1], q, problem.parameter_values, [])) for p, q in pairs]
-            )
+        if np.isnan(y):
+            there = places[side][0], levels[None]
+            pair = (there, places[1]) if side == 0 else (places[0], there)
+            at = at + costs_of_ends(problem, *pair, problem.unknown_guesses[None])
         added.append(np.where(np.isfinite(at), at, np.inf))
     return added
 

@@ -19,7 +19,6 @@ from typing import TypeVar
 import casadi as ca
 import numpy as np
 
-from varcalc.existence.directions import CurveOrSlope
 from varcalc.existence.held_throughout import HeldMomentum, held_momentum
 from varcalc.existence.in_pieces import NEAR_ENDS, STEPS_ALONG_KINKS
 from varcalc.formulation import Contact, Form, Stated, formulate
@@ -28,11 +27,12 @@ from varcalc.methods.crossings import Crossing
 from varcalc.methods.ritz.ipopt import Ipopt
 from varcalc.methods.ritz.method import Ritz
 from varcalc.methods.ritz.steepest import ordinate_at
-from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.mesh import CurveOrSlope, composite_gauss
 from varcalc.numerics.resampled import resampled
 from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.conditions import Bound
+from varcalc.problem.end_cost import natural_momenta
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import Cache
@@ -603,15 +603,4 @@ class Surfaces:
 
     def _natural(self, curve: CurveOrSlope, end: int, seam: float | None) -> float | None:
         """The momentum that an end of the interval asks for; None where the curve is given there."""
-        problem = self.problem
-        if problem.start.periodic:
-            return seam
-        if (problem.start, problem.end)[end].fixed:
-            return None
-        if problem.end_cost_expression is None:
-            return 0.0
-        places, cost = problem.end_cost_expression
-        rate = ca.gradient(cost, places[1 + 2 * end])
-        function = ca.Function("natural", [*places, problem.symbols.parameters, problem.symbols.unknowns], [rate])
-        at = [v for x in problem.span for v in (x, curve(np.array([x]), 0)[0])]
-        return problem.sign * (1 - 2 * end) * float(function(*at, problem.parameter_values, np.zeros(0)))
+        return seam if self.problem.start.periodic else natural_momenta(self.problem, curve)[end]

@@ -14,7 +14,7 @@ from varcalc.formulation import Form, Sampled
 from varcalc.formulation.form import second_lift
 from varcalc.formulation.singular import forms, number_of
 from varcalc.methods.moved_ends import by_what_moves
-from varcalc.numerics.mesh import SpaceCurve, composite_gauss
+from varcalc.numerics.mesh import CurveOrSlope, SpaceCurve, composite_gauss
 from varcalc.numerics.resampled import Resampled, SentResampled, resampled
 from varcalc.problem.breaks import moving_breaks
 from varcalc.problem.conditions import Isoperimetric
@@ -86,7 +86,7 @@ class Extremal:
     """
 
     form: Form
-    evaluate: Callable[[np.ndarray, int], np.ndarray]
+    evaluate: CurveOrSlope
     unknowns: np.ndarray
     vertices: np.ndarray
     lambdas: np.ndarray
@@ -191,12 +191,18 @@ def end_cost(extremal: Extremal) -> float:
     if form.ends.joint is None:
         return 0.0
     first, last = (extremal.evaluate(np.array([s]), 0)[:, 0] for s in form.span)
-    return float(end_cost_function(form)(first, last, form.problem.parameter_values, extremal.unknowns))
+    return cost_between(form, first, last, extremal.unknowns)
+
+
+def cost_between(form: Form, start: np.ndarray, end: np.ndarray, unknowns: np.ndarray) -> float:
+    """The same of ends at which a form's functions (n,) are known."""
+    if form.ends.joint is None:
+        return 0.0
+    return float(_end_cost(form)(start, end, form.problem.parameter_values, unknowns))
 
 
 @derived
-def end_cost_function(form: Form) -> ca.Function:
-    """The cost of the ends of a form that has any, as a function of (start, end, parameters, unknowns)."""
+def _end_cost(form: Form) -> ca.Function:
     assert form.ends.joint is not None
     e, s = form.ends.joint, form.symbols
     return ca.Function("cost", [e.start, e.end, s.parameters, s.unknowns], [e.cost])
@@ -342,7 +348,7 @@ def _abscissae_to_s(extremal: Extremal, x: np.ndarray) -> np.ndarray:
     return s
 
 
-def person_curve(extremal: Extremal) -> Callable[[np.ndarray, int], np.ndarray]:
+def person_curve(extremal: Extremal) -> CurveOrSlope:
     """The curve (or its slope) as a function of the person's abscissa."""
     return UserCurve(extremal)
 
@@ -575,7 +581,7 @@ def answer(
     return defined(found, extremal.evaluate(nodes, 0) if known is None else known)
 
 
-def rises_throughout(form: Form, curve: Callable[[np.ndarray, int], np.ndarray]) -> bool:
+def rises_throughout(form: Form, curve: CurveOrSlope) -> bool:
     """Whether the slope of a curve of one function has one sign from end to end, where the integrand does not hold s.
 
     That slope solves Jacobi's equation then, and a solution without a zero shows that no point is conjugate to the

@@ -15,6 +15,7 @@ import casadi as ca
 
 from varcalc.problem.breaks import whole
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric
+from varcalc.problem.end_cost import end_cost
 from varcalc.problem.functional import Functional, Traced
 from varcalc.problem.problem import Curve, Problem
 from varcalc.symbolic.convexity import Entry, Shape, log_convex_where_positive, shapes
@@ -156,12 +157,7 @@ def _shape_of_end_cost(
     problem: Functional, span: tuple[float, float], numbers: Sequence[Sequence[Entry]]
 ) -> Shape | None:
     """The shape of what the ends cost, in where the curve meets them; None where they cost nothing."""
-    if problem.end_cost_expression is None:
+    if problem.end_cost is None or (function := end_cost(problem)) is None:
         return None
-    ends, cost = problem.end_cost_expression
-    s = problem.symbols
-    curve: list[list[Entry]] = [[None] * symbol.numel() for symbol in ends]
-    if not isinstance(problem, Curve):
-        curve[0], curve[2] = [span[0]], [span[1]]
-    function = ca.Function("end_cost", [*ends, s.parameters, s.unknowns], [cost])
-    return shapes(function, [*curve, *numbers])[0][0]
+    known = (entries for x in span for entries in ([x], [None] * problem.n))
+    return shapes(function, [*known, *numbers])[0][0]

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from varcalc.formulation import Form
-from varcalc.methods.answer import end_cost_function, lift
+from varcalc.methods.answer import cost_between, lift
 from varcalc.methods.collocation.newton import Sizes, Solve, factorised, measure
 from varcalc.methods.collocation.system import CollocationSystem, Residual, State, collocation_space
 from varcalc.numerics.mesh import Space
@@ -197,11 +197,9 @@ def rounding(system: CollocationSystem, at: Residual, multipliers: np.ndarray) -
 
 def end_cost(form: Form, space: Space, state: State) -> float:
     """The cost of the ends of a curve, in the sense that is minimised."""
-    if form.ends.joint is None or form.problem.end_cost is None:
-        return 0.0
     m = space.smoothness
     first, last = state.coefficients[space.numbers[0, 0]], state.coefficients[space.numbers[-1, m]]
-    return float(end_cost_function(form)(first, last, form.problem.parameter_values, state.unknowns))
+    return cost_between(form, first, last, state.unknowns)
 
 
 def curve_distance(system: CollocationSystem, old: State, new: State) -> Any:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from varcalc.methods.answer import Extremal, end_cost_function
+from varcalc.methods.answer import Extremal, cost_between
 from varcalc.methods.shooting.newton import size
 from varcalc.methods.shooting.segments import Mismatch, Segments
 from varcalc.methods.shooting.shots import Failure, Shots, Trajectories
@@ -161,10 +161,8 @@ def value_of(segments: Segments, x: np.ndarray, shots: Shots) -> float:
     """The functional with the cost of the ends at x."""
     form, n, units = segments.equations.form, segments.equations.form.n, segments.scales
     total = float(shots.totals(segments.dimension)[0] * units.integrals[0])
-    if form.ends.joint is None:
-        return total
-    ends = [z[:n] * units.ordinates for z in (shots.left[0], shots.right[-1])]
-    return total + float(end_cost_function(form)(*ends, form.problem.parameter_values, segments.parts(x)[1]))
+    start, end = (z[:n] * units.ordinates for z in (shots.left[0], shots.right[-1]))
+    return total + cost_between(form, start, end, segments.parts(x)[1])
 
 
 def _jumps(segments: Segments, at: Mismatch) -> np.ndarray:
