@@ -152,7 +152,7 @@ class Solution(Plotted):
     def _kind(self) -> str:
         if not self.status.ok:
             return f"no answer: {self.message}"
-        kind = "maximum" if self.problem.maximise else "minimum"
+        kind = sought(self.problem)
         if self.local:
             lower = "a better value" if self.lower is None else f"{self.lower:.12g}"
             return self.message or f"a local {kind} only: {lower} is reached elsewhere"
@@ -258,6 +258,17 @@ class Finding(Brief):
 
     def __str__(self) -> str:
         return self.sentence
+
+
+def sought(problem: Functional) -> str:
+    """What is looked for: a "minimum", or a "maximum"."""
+    return "maximum" if problem.maximise else "minimum"
+
+
+def local_only(solution: Solution, known: str, lower: float | None = None) -> Solution:
+    """The solution marked as a local one only for what is ``known``, a better value, ``lower``, among it."""
+    message = f"a local {sought(solution.problem)} only: {known}"
+    return replace(solution, local=True, lower=solution.lower if lower is None else lower, message=message)
 
 
 def refused(solution: Solution, finding: Finding) -> Solution:

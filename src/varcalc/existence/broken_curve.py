@@ -14,7 +14,7 @@ or nothing bounds the functional.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeGuard
 
@@ -24,7 +24,7 @@ from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breaks
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import Finding, Solution, Verdict, refused
+from varcalc.solution import Finding, Solution, Verdict, local_only, refused
 
 RECOGNISING_SLOPES = (1e6, 1e8)
 """Slopes, in units of the problem's own, at which linear growth is recognised."""
@@ -377,9 +377,7 @@ def with_rival(solution: Solution) -> Solution:
     margin = solution.error.value + RIVAL_MARGIN * abs(solution.value)
     if not rivals or sign * rivals[0].value > sign * solution.value - margin:
         return solution
-    rival = rivals[0]
-    message = f"a local {'maximum' if sign < 0 else 'minimum'} only: {rival.sentence}"
-    return replace(solution, local=True, lower=rival.value, message=message)
+    return local_only(solution, rivals[0].sentence, rivals[0].value)
 
 
 def runs_level(x: np.ndarray, y: np.ndarray, ends: np.ndarray) -> np.ndarray:

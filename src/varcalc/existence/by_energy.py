@@ -22,7 +22,7 @@ from varcalc.problem.breaks import on_curve
 from varcalc.problem.conditions import Fixed
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve, Problem
-from varcalc.solution import ErrorEstimate, Solution
+from varcalc.solution import ErrorEstimate, Solution, local_only
 from varcalc.symbolic.tracing import Expression
 
 AS_LOW, SPEED_PLACES = 1e-9, 2001
@@ -59,13 +59,10 @@ def by_energy(problem: Functional, solved: Solved, *, guided: bool) -> Solution 
     answer = _of_curve(problem, found)
     if not answer.status.ok or (_as_low(found, graph) and not graph.local):
         return answer
-    known = (
-        graph.message
-        if graph.local
-        else f"a local minimum only: a graph over the chord has the value {graph.value:.12g}"
-    )
     lower = graph.lower if _as_low(found, graph) else graph.value
-    return replace(answer, local=True, lower=lower, message=known)
+    if graph.local:
+        return replace(answer, local=True, lower=lower, message=graph.message)
+    return local_only(answer, f"a graph over the chord has the value {graph.value:.12g}", lower)
 
 
 def _as_low(found: Solution, graph: Solution) -> bool:

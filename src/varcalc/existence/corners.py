@@ -30,7 +30,7 @@ from varcalc.problem.breaks import on_curve
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import Finding, Solution, Verdict, refused
+from varcalc.solution import Finding, Solution, Verdict, local_only, refused
 from varcalc.symbolic.derived import answered, derived
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.verify.slopes import concave_beside, jumps_of_slope, places, vouched
@@ -124,16 +124,14 @@ def _lower_of(
     if coarse is None or fine is None:
         return None
     sign = best.problem.sign
-    kind = "maximum" if sign < 0 else "minimum"
     known = sign * best.value - best.error.value
     if found is not None and sign * found.value < known - found.error.value - tol * max(1.0, abs(found.value)):
         if (slope := _not_taken(found)) is None:
             return found
-        return replace(best, local=True, message=f"a local {kind} only: {_beside_slope(found, slope).sentence}")
+        return local_only(best, _beside_slope(found, slope).sentence)
     if not sign * fine.value < known - SURE * abs(coarse.value - fine.value) - tol * max(1.0, abs(fine.value)):
         return None
-    message = f"a local {kind} only: finer and finer corners bring the functional to {fine.value:.6g}"
-    return replace(best, local=True, message=message)
+    return local_only(best, f"finer and finer corners bring the functional to {fine.value:.6g}")
 
 
 def _not_taken(found: Solution) -> float | None:

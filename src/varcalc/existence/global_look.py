@@ -47,7 +47,7 @@ from varcalc.problem.convexity import (
 )
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
-from varcalc.solution import PROVED, Solution
+from varcalc.solution import PROVED, Solution, local_only, sought
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.variation import gentle_across
 from varcalc.verify.between import keeps_bounds
@@ -157,9 +157,7 @@ def looked_around(solution: Solution, beside: Callable[[Solution], Polish], tol:
         if lower is None or not lower.status.ok or lower.local or not followed:
             return _told(best, lower, seen.sentence)
         best = replace(lower, problem=problem, method=solution.method)
-    kind = "maximum" if problem.sign < 0 else "minimum"
-    message = f"perhaps a local {kind} only: each of {DESCENTS} looks led to a lower curve, and there may be more"
-    return replace(best, local=True, message=message, searched=seen.sentence)
+    return _perhaps_local(best, f"each of {DESCENTS} looks led to a lower curve, and there may be more", seen.sentence)
 
 
 def _one_valley(solution: Solution, *, followed: bool) -> str:
@@ -391,7 +389,7 @@ def _at_other_places(
         if marked is None and lower and place.sure:
             tried = LED_NOWHERE if polish is not None else "was not followed: solve by Ritz()"
             curve = f"a curve to another place of its {place.label} has the value {problem.sign * place.value:.6g}"
-            marked = _marked(best, f"{curve}, and {tried}")
+            marked = local_only(best, f"{curve}, and {tried}")
     return marked
 
 
@@ -414,7 +412,7 @@ def _with_other_numbers(
         if marked is None and other.surely and _is_lower(value, best, 0.0, SURELY_LOWER):
             tried = LED_NOWHERE if polish is not None else "was not followed: solve by Ritz()"
             known = f"with {other.name} = {other.number:.6g} the same curve has the value {value:.6g}"
-            marked = _marked(best, f"{known}, and {tried}")
+            marked = local_only(best, f"{known}, and {tried}")
     return marked
 
 
@@ -635,16 +633,17 @@ def _surely_lower(best: Solution, lattice: Lattice, valley: Valley) -> bool:
 def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
     """The solution with what was looked at, and marked local where something ``lower`` is known."""
     if lower is None and concave_in_bend(best):
-        kind = "maximum" if best.problem.maximise else "minimum"
         rest = "L is not convex in the second derivative, and curves that bend to and fro more often were not compared"
-        return replace(best, local=True, message=f"perhaps a local {kind} only: {rest}", searched=looked)
+        return _perhaps_local(best, rest, looked)
     if lower is None:
         return replace(best, searched=looked)
     if lower.status.ok and not lower.local:  # another solution, which is told of
-        kind = "maximum" if best.problem.maximise else "minimum"
-        message = f"a local {kind} only: {lower.value:.12g} is reached in another valley"
-        lower = replace(best, local=True, lower=lower.value, message=message)
+        lower = local_only(best, f"{lower.value:.12g} is reached in another valley", lower.value)
     return replace(lower, searched=looked)
+
+
+def _perhaps_local(best: Solution, doubt: str, looked: str) -> Solution:
+    return replace(best, local=True, message=f"perhaps a local {sought(best.problem)} only: {doubt}", searched=looked)
 
 
 def _instead(problem: Functional) -> str:
@@ -670,9 +669,7 @@ def _fallen(best: Solution, lattice: Lattice, valleys: list[Valley]) -> Solution
 
 def _on_fall(best: Solution, fall: Fall) -> Solution:
     """The solution marked for a line of curves that leads down for ever."""
-    sign = best.problem.sign
-    message = f"a local {'maximum' if sign < 0 else 'minimum'} only: {fall.finding.sentence}"
-    return replace(best, local=True, lower=-sign * math.inf, message=message)
+    return local_only(best, fall.finding.sentence, -best.problem.sign * math.inf)
 
 
 def _followed(
@@ -722,7 +719,7 @@ def _by_meshes(
     if found.status.ok and _is_lower(found.value, best, found.error.value, LOWER):
         return found
     if surely:
-        return _marked(best, f"a rough curve has the value {rough.value:.6g}, and {LED_NOWHERE}")
+        return local_only(best, f"a rough curve has the value {rough.value:.6g}, and {LED_NOWHERE}")
     return None
 
 
@@ -803,7 +800,7 @@ def _by_polygon(best: Solution, lattice: Valleys, valley: Valley, *, followed: b
         return None
     tried = LED_NOWHERE if followed else "was not followed: solve by Ritz()"
     kind = "curve of cubic pieces" if known else "polygon"
-    return _marked(best, f"a {kind} has the value {value:.6g}, and {tried}")
+    return local_only(best, f"a {kind} has the value {value:.6g}, and {tried}")
 
 
 def _goes_through_bounds(best: Solution, lattice: Valleys, valley: Valley) -> bool:
@@ -814,12 +811,6 @@ def _goes_through_bounds(best: Solution, lattice: Valleys, valley: Valley) -> bo
 
     curve = polygonal(valley.x, lattice.landscape.along(valley)(valley.x))
     return not keeps_bounds(replace(best, curve=curve, x=valley.x, extremal=None))
-
-
-def _marked(best: Solution, known: str) -> Solution:
-    """The solution marked as a local one for what is ``known``."""
-    kind = "maximum" if best.problem.sign < 0 else "minimum"
-    return replace(best, local=True, message=f"a local {kind} only: {known}")
 
 
 def _departure(solution: Solution, best: Solution) -> float:

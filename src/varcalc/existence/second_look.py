@@ -21,7 +21,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.problem.reading import names, text
 from varcalc.search import Extremals, by_slope_alone
-from varcalc.solution import Finding, Solution, Verdict, refused
+from varcalc.solution import Finding, Solution, Verdict, refused, sought
 from varcalc.symbolic.derived import derived
 from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.switches import Switch
@@ -152,9 +152,9 @@ def _judged(failure: Solution, found: Extremals) -> Solution:
     best = found[0]
     check = best.verification
     if check.verdict in (Verdict.MINIMUM, Verdict.MAXIMUM):
-        kind = "maximum" if best.problem.maximise else "minimum"
         number = f"the best of {len(found)} extremals" if len(found) > 1 else "the one extremal"
-        message = f"a local {kind} as far as is shown: {number} found by search, to which minimising did not lead"
+        way = f"{number} found by search, to which minimising did not lead"
+        message = f"a local {sought(best.problem)} as far as is shown: {way}"
         return replace(best, verdict=None, local=True, message=message)
     rival = broken_curve(best.problem)
     if rival is not None and rival.jumps and best.problem.sign * (best.value - rival.value) > best.error.value:

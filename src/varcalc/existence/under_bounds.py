@@ -23,7 +23,7 @@ from varcalc.formulation.epigraph import epigraph_form
 from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.runs import runs
 from varcalc.problem.problem import Problem
-from varcalc.solution import Solution, Status, no_answer
+from varcalc.solution import Solution, Status, local_only, no_answer
 
 DEGREE, TURNS, ALONG_BOUND = 4, 24, 12
 """Of elements, how many there are where a polygon turns, and on one stretch at a bound."""
@@ -56,9 +56,8 @@ class UnderBounds(NamedTuple):
         if not self.several:
             message = "a polygon is lower than every broken curve that was found"
             return no_answer(problem, solution.method, Status.NOT_CONVERGED, message)
-        kind, lower = "maximum" if problem.maximise else "minimum", problem.sign * self.polygon
-        message = f"a local {kind} only: a polygon has the value {lower:.6g}, and no curve near it stands"
-        return replace(solution, local=True, lower=lower, message=message)
+        lower = problem.sign * self.polygon
+        return local_only(solution, f"a polygon has the value {lower:.6g}, and no curve near it stands", lower)
 
 
 def least_under_bounds(problem: Problem, method: Ritz, tol: float, guess: Sampled | None) -> UnderBounds:

@@ -16,7 +16,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 from varcalc.search import extremals
 from varcalc.showing import counted
-from varcalc.solution import Finding, Solution, Status, Verdict
+from varcalc.solution import Finding, Solution, Status, Verdict, sought
 from varcalc.solve.ladder import solve
 
 HOPELESS = {Verdict.INFEASIBLE, Verdict.SINGULAR}
@@ -119,7 +119,7 @@ def _of_solution(solution: Solution) -> Iterator[Finding]:
         yield Finding(solution.verdict, f"solve gives no answer: {solution.message}", numbers)
         return
     best = Verdict.MAXIMUM if solution.problem.maximise else Verdict.MINIMUM
-    kind = "maximum" if solution.problem.maximise else "minimum"
+    kind = sought(solution.problem)
     local = f", local only: {solution.lower:.12g} is reached elsewhere" if solution.local and solution.lower else ""
     yield Finding(best, f"a {kind}: {solution.value:.15g} with an error of {solution.error.value:.1e}{local}", numbers)
     if solution.status is Status.ROUND_OFF:
