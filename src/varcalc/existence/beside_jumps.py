@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from varcalc.methods.crossings import ARGUMENT_ROUND_OFF, Crossing, arguments_along
+from varcalc.methods.crossings import ARGUMENT_ROUND_OFF, Crossing, switch_arguments
 from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.functional import Functional
@@ -54,8 +54,8 @@ def aside(
         return found
     began, numbers = pieces.began, problem.unknown_guesses
     ways = [np.linspace(a, b, PLACES_OF_PIECE) for a, b in pairwise(pieces.edges)]
-    along = [arguments_along(problem, solution.curve, way, numbers) for way in ways]
-    middles = arguments_along(problem, curve, 0.5 * (began[1:] + began[:-1]), numbers)
+    along = [switch_arguments(problem, solution.curve, way, numbers) for way in ways]
+    middles = switch_arguments(problem, curve, 0.5 * (began[1:] + began[:-1]), numbers)
     moved = list(found)
     for k, c in enumerate(found):
         number = number_of(problem, c)
@@ -104,14 +104,14 @@ def keeping_slopes(
         number, jump = number_of(problem, c), round(c.level)
         if c.until is not None and c.switch.jumps:
             middle = np.array([0.5 * (c.x + c.until)])
-            side = np.sign(arguments_along(problem, solution.curve, middle, numbers)[number, 0] - jump)
+            side = np.sign(switch_arguments(problem, solution.curve, middle, numbers)[number, 0] - jump)
             kept.append(replace(c, level=jump + float(side) * BESIDE_SLOPE))
         elif any(c is other for other in through):
             piece = int(np.searchsorted(edges, c.x)) - 1
             middle = 0.5 * (pieces.began[[piece]] + pieces.began[piece + 1])
-            side = np.sign(arguments_along(problem, curve, middle, numbers)[number, 0] - jump)
+            side = np.sign(switch_arguments(problem, curve, middle, numbers)[number, 0] - jump)
             ways = [(float(edges[piece]), c.x), (c.x, float(edges[piece + 1]))]
-            there = arguments_along(problem, solution.curve, np.array([0.5 * sum(way) for way in ways]), numbers)
+            there = switch_arguments(problem, solution.curve, np.array([0.5 * sum(way) for way in ways]), numbers)
             beyond = [way for way, at in zip(ways, there[number] - jump, strict=True) if np.sign(at) != side]
             kept += [Crossing(c.switch, first, jump + float(side) * BESIDE_SLOPE, last) for first, last in beyond]
         else:

@@ -24,12 +24,11 @@ from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.convexity import proved_jointly_convex
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import Functional, arguments_at
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.symbolic.convexity import Entry, shapes
 from varcalc.symbolic.derived import answered
-from varcalc.symbolic.evaluation import in_columns
 from varcalc.verify.slopes import vouched
 
 EQUAL = 1e-9
@@ -262,15 +261,14 @@ def _sizes(problem: Problem) -> dict[int, float]:
     x = np.linspace(*problem.span, CHORD_POINTS)
     y = formulate(problem).start.curve(x)
     slope = np.gradient(y, x, axis=1)
-    numbers = in_columns(CHORD_POINTS, problem.parameter_values, problem.unknown_guesses)
-    second = np.zeros((problem.symbols.ddy.numel(), CHORD_POINTS))
+    along = arguments_at(problem, x, y, slope)
     sizes = {}
     for traced in problem.traced:
         constraint = traced.constraint
         if isinstance(constraint, Holonomic):
             continue
         function = ca.Function("condition", problem.symbols.all, [traced.expression])
-        values = np.asarray(function(x[None], y, slope, second, *numbers)).ravel()
+        values = np.asarray(function(*along)).ravel()
         own = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
         width = problem.span[1] - problem.span[0] if isinstance(constraint, Isoperimetric) else 1.0
         limits = [abs(limit) for limit in constraint.interval if math.isfinite(limit)]

@@ -25,10 +25,9 @@ from varcalc.numerics.resampled import resampled
 from varcalc.problem.breaks import breaks, kinks_at_ends, on_curve
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.end_cost import cost_along, costs_of_ends, natural_momenta
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import Functional, arguments_at
 from varcalc.problem.problem import Problem
 from varcalc.solution import ErrorEstimate, Solution, Status
-from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.switches import Switch
 from varcalc.verify.held_by_kinks import BESIDE_KINK
 
@@ -163,14 +162,13 @@ def _resting_on_level(problem: Problem, method: Ritz) -> Solution | None:
     if level is None:
         return None
     x, weights = composite_gauss(_summed_on(problem), SUMMED_POINTS)
-    s, places = problem.symbols, np.full((1, len(x)), 0.0)
+    s, still = problem.symbols, np.zeros((1, len(x)))
     stated = [problem.integrand, problem.traced[0].expression]
     rates = [ca.gradient(expression, s.y) for expression in stated]
     function = ca.Function("resting", s.all, [ca.densify(ca.vertcat(*stated, *rates))])
-    numbers = in_columns(len(x), problem.parameter_values, problem.unknown_guesses)
 
     def summed(y: float) -> np.ndarray:
-        return np.asarray(function(x[None], places + y, places, places[:0], *numbers)) @ weights
+        return np.asarray(function(*arguments_at(problem, x, still + y, still))) @ weights
 
     tried = (problem.span[1] - problem.span[0]) * RESTS_TRIED
     off = np.array([summed(y)[1] - level for y in tried[::LEVELS_APART]])
@@ -449,11 +447,9 @@ def _sensitivities(problem: Problem, along: CurveOrSlope, x: np.ndarray, weights
     rate = ca.Function("rate", s.all, [ca.densify(ca.gradient(problem.integrand, s.parameters))])
     y, slope = along(x, 0), along(x, 1)
     y_aside, slope_aside = _beside(problem)
-    numbers = in_columns(len(x), problem.parameter_values, problem.unknown_guesses)
-    blank = np.zeros((s.ddy.numel(), len(x)))
     rates = np.array(
         [
-            np.asarray(rate(x[None], y + i * y_aside, slope + j * slope_aside, blank, *numbers))
+            np.asarray(rate(*arguments_at(problem, x, y + i * y_aside, slope + j * slope_aside)))
             for i in (-1, 1)
             for j in (-1, 1)
         ]

@@ -30,9 +30,9 @@ from varcalc.methods.answer import lifted, runs_forwards
 from varcalc.methods.crossings import (
     ARGUMENT_ROUND_OFF,
     Crossing,
-    arguments_along,
     met_by,
     on_curve,
+    switch_arguments,
     unmet,
 )
 from varcalc.methods.ritz.ipopt import Ipopt
@@ -175,7 +175,7 @@ def _parted(problem: Functional, bent: CurveOrSlope, ride: Crossing, release: Re
     least = NEAR_ENDS * (problem.span[1] - problem.span[0])
     number = number_of(problem, ride)
     between, *beside = (
-        float(arguments_along(problem, bent, np.array([x]), problem.unknown_guesses)[number, 0]) - ride.level
+        float(switch_arguments(problem, bent, np.array([x]), problem.unknown_guesses)[number, 0]) - ride.level
         for x in (0.5 * (release.start + release.end), ride.x - least, ride.until + least)
     )
     for (first, last), outside in zip(((ride.x, release.start), (release.end, ride.until)), beside, strict=True):

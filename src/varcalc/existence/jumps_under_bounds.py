@@ -25,8 +25,8 @@ from varcalc.methods.crossings import crossings
 from varcalc.numerics.mesh import GAUSS_SHARES, CurveOrSlope, composite_gauss
 from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import breaks, on_curve
+from varcalc.problem.functional import arguments_at
 from varcalc.problem.problem import Problem
-from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.switches import Switch
 from varcalc.symbolic.variation import gentle_boxes
 
@@ -186,8 +186,7 @@ class _Lattice:
 
     def _columns(self, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
         """The arguments of expressions of the place, a column for each x (m,) and y (m,)."""
-        numbers = in_columns(len(x), self.problem.parameter_values, self.problem.unknown_guesses)
-        return [x[None], y[None], np.zeros((1, len(x))), np.zeros((0, len(x))), *numbers]
+        return arguments_at(self.problem, x, y[None], np.zeros((1, len(x))))
 
     def _beside_jumps(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Ordinates (m, k) just beside jumps, as far as bounds let them be."""

@@ -27,12 +27,12 @@ from varcalc.formulation import Sampled, formulate
 from varcalc.methods.crossings import (
     ARGUMENT_ROUND_OFF,
     Crossing,
-    arguments_along,
     crossings,
     described,
     met_by,
     on_curve,
     sentence,
+    switch_arguments,
     unmet,
 )
 from varcalc.methods.ritz.method import Ritz
@@ -238,7 +238,7 @@ def meets_switches(problem: Problem, polygon: Valley) -> bool:
     kinks = [not (switch.jumps or switch.smooth) for switch in on_curve(problem)]
     middles = 0.5 * (polygon.x[1:] + polygon.x[:-1])
     # a polygon is moved by steps, and rests but for one of them
-    away = np.abs(arguments_along(problem, curve, middles, problem.unknown_guesses))[kinks]
+    away = np.abs(switch_arguments(problem, curve, middles, problem.unknown_guesses))[kinks]
     return bool((away.min(1) <= AT_REST * away.max(1)).any())
 
 
@@ -248,7 +248,7 @@ def _small_half_way(problem: Problem, curve: CurveOrSlope, sizes: np.ndarray) ->
     A valley that a free end lies in may begin beyond the middle.
     """
     ends = [x for x, end in zip(problem.span, (problem.start, problem.end), strict=True) if not end.fixed]
-    at = np.abs(arguments_along(problem, curve, np.array([0.5 * sum(problem.span), *ends]), problem.unknown_guesses))
+    at = np.abs(switch_arguments(problem, curve, np.array([0.5 * sum(problem.span), *ends]), problem.unknown_guesses))
     at = at.min(axis=1) / sizes
     kinks = [not (switch.jumps or switch.smooth) for switch in on_curve(problem)]
     near = np.maximum(HALF_WAY * at[kinks], BESIDE_VALLEY)
@@ -339,7 +339,7 @@ def _one_at_once(problem: Problem, curve: CurveOrSlope, found: list[Crossing]) -
 def _distance(problem: Problem, curve: CurveOrSlope, crossing: Crossing, x: float) -> float:
     """How far a curve is from a switch at one abscissa."""
     number = next(i for i, switch in enumerate(on_curve(problem)) if switch is crossing.switch)
-    along = arguments_along(problem, curve, np.array([x]), problem.unknown_guesses)
+    along = switch_arguments(problem, curve, np.array([x]), problem.unknown_guesses)
     return abs(float(along[number, 0]) - crossing.level)
 
 

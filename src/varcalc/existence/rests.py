@@ -33,6 +33,7 @@ from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.conditions import Bound
 from varcalc.problem.end_cost import natural_momenta
+from varcalc.problem.functional import arguments_along, arguments_at
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import Cache
@@ -308,18 +309,17 @@ class Surfaces:
         slope = -ca.gradient(surface, s.x) / ca.gradient(surface, s.y)
         apart = ca.Function("apart", s.all, [ca.substitute(before - after, s.dy, slope)])
         onto = ca.Function("onto", s.all, [s.y - (surface - contact.level) / ca.gradient(surface, s.y)])
-        x = np.linspace(contact.start, contact.end, PLACES_OF_WAY)[None]
-        none, still = np.zeros((0, x.shape[1])), np.zeros_like(x)
-        numbers = np.tile(problem.parameter_values[:, None], x.shape)
-        y = np.full_like(x, ordinate_at(formulate(problem), surface, replace(contact, start=middle)))
+        x = np.linspace(contact.start, contact.end, PLACES_OF_WAY)
+        still = np.zeros((1, len(x)))
+        y = still + ordinate_at(formulate(problem), surface, replace(contact, start=middle))
         for _ in range(STEPS_ONTO_SURFACE):
-            y = np.asarray(onto(x, y, still, none, numbers, none))
-        differ = np.asarray(apart(x, y, still, none, numbers, none)).ravel()
+            y = np.asarray(onto(*arguments_at(problem, x, y, still)))
+        differ = np.asarray(apart(*arguments_at(problem, x, y, still))).ravel()
         at = np.flatnonzero(differ[:-1] * differ[1:] <= 0)
         if not len(at) or not np.abs(differ).max() > 0:
             return middle
         k, (first, last) = at[0], differ[[at[0], at[0] + 1]]
-        return float(x[0, k] + (x[0, k + 1] - x[0, k]) * (first / (first - last) if first != last else 0.5))
+        return float(x[k] + (x[k + 1] - x[k]) * (first / (first - last) if first != last else 0.5))
 
     def held_along(self, contact: Contact) -> Expression:
         """L on the side of each kink on which a curve is half way along a contact with a surface of the place."""
@@ -355,14 +355,11 @@ class Surfaces:
 
     def points(self, curve: CurveOrSlope, x: np.ndarray) -> list[np.ndarray]:
         """The arguments of the problem's expressions along a curve at x (m,), a column each."""
-        none = np.zeros((0, len(x)))
-        columns = np.tile(self.problem.parameter_values[:, None], (1, len(x)))
-        return [x[None], curve(x, 0), curve(x, 1), none, columns, none]
+        return arguments_along(self.problem, curve, x)
 
     def point(self, curve: CurveOrSlope, x: float) -> list[np.ndarray]:
         """The arguments of the problem's expressions at one place of a curve."""
-        at, problem = np.array([x]), self.problem
-        return [at, curve(at, 0)[:, 0], curve(at, 1)[:, 0], np.zeros(0), problem.parameter_values, np.zeros(0)]
+        return [row[:, 0] for row in arguments_along(self.problem, curve, np.array([x]))]
 
     def held(self, curve: CurveOrSlope, x: float) -> Expression:
         """L on the sides of the kinks on which a curve is at x; what switches at abscissae does so."""

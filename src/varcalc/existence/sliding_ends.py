@@ -25,10 +25,9 @@ from varcalc.methods.ritz.method import Ritz
 from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import on_curve
 from varcalc.problem.conditions import AnyEnd, Bound, Fixed, Free, Isoperimetric, Through, parameters_of
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import Functional, arguments_along
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
-from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.tracing import Expression
 
 FIRST_CURVE = Ritz(elements=24, degree=3, refine=False, starts=1, optimiser=Ipopt(iterations=120))
@@ -307,6 +306,4 @@ class _Whole:
         return ca.Function("held", self.problem.symbols.all, [ca.densify(ca.vertcat(*self._holding()))])
 
     def _along(self, function: ca.Function, x: np.ndarray) -> np.ndarray:
-        numbers = in_columns(len(x), self.problem.parameter_values, self.problem.unknown_guesses)
-        columns = x[None], self.curve(x, 0), self.curve(x, 1), np.zeros((0, len(x)))
-        return np.asarray(function(*columns, *numbers)).reshape(-1, len(x))
+        return np.asarray(function(*arguments_along(self.problem, self.curve, x))).reshape(-1, len(x))

@@ -18,7 +18,7 @@ from varcalc.formulation import formulate
 from varcalc.formulation.height import height
 from varcalc.problem.breaks import integrals
 from varcalc.problem.conditions import Isoperimetric
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import Functional, arguments_at
 from varcalc.problem.problem import Problem
 from varcalc.solution import Finding, Solution, Status, no_answer, refused
 from varcalc.symbolic.derived import answered
@@ -171,10 +171,9 @@ def _grows_linearly(problem: Problem, x: np.ndarray, y: np.ndarray, slope: np.nd
     Where integrals are prescribed it is enough that one of them does, and none faster.
     """
     directions = np.repeat(slope, 2, axis=1) * np.array(SLOPES)
-    numbers = (np.repeat(v[:, None], 2, axis=1) for v in (problem.parameter_values, problem.unknown_guesses))
-    places = np.repeat(x, 2)[None], np.repeat(y, 2, axis=1)
+    places = arguments_at(problem, np.repeat(x, 2), np.repeat(y, 2, axis=1), directions)
     with np.errstate(all="ignore"):
-        values = np.asarray(ca.vertcat(*integrals(problem).call([*places, directions, np.zeros((0, 2)), *numbers])))
+        values = np.asarray(ca.vertcat(*integrals(problem).call(places)))
         growth = values[:, 1] / values[:, 0] / (SLOPES[1] / SLOPES[0])
     growth = np.where(values[:, 0] == values[:, 1], 0.0, growth)
     return bool(abs(growth.max() - 1.0) <= LINEAR)

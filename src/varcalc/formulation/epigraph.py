@@ -17,10 +17,9 @@ import numpy as np
 
 from varcalc.formulation.form import Conditions, EndConditions, Ends, Form, Sampled, SideCondition, Start, Stated
 from varcalc.formulation.height import height
-from varcalc.problem.functional import Symbols
+from varcalc.problem.functional import Symbols, arguments_at
 from varcalc.symbolic.branches import multiple
 from varcalc.symbolic.derived import Cache
-from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.instructions import interpret, operate
 from varcalc.symbolic.joins import joined
 from varcalc.symbolic.switches import CONTINUOUS, alike, arguments, switches
@@ -110,8 +109,7 @@ class _Kinks:
         symbols, tops = form.symbols, ca.vertcat(*self.tops)
         slopes = np.gradient(y, s, axis=1)
         bends = np.gradient(slopes, s, axis=1)[: symbols.ddy.numel()]
-        numbers = in_columns(len(s), form.problem.parameter_values, form.start.unknowns)
-        point = [s[None], y, slopes, bends, *numbers]
+        point = arguments_at(form.problem, s, y, slopes, bends, form.start.unknowns)
         greater = ca.vertcat(*(ca.fmax(a, b) for a, b in self.branches))
         larger = ca.vertcat(*(ca.fmax(ca.fabs(a), ca.fabs(b)) for a, b in self.branches))
         growth = ca.densify(ca.gradient(self.integrand, tops))

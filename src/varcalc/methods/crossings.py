@@ -16,11 +16,10 @@ import numpy as np
 from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import on_curve
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import Functional, arguments_along, arguments_at
 from varcalc.problem.reading import names, text
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import derived
-from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.switches import Switch, units
 
 AN_ELEMENT = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, 16) / 16)
@@ -70,13 +69,10 @@ def _arguments(problem: Functional) -> ca.Function:
     return ca.Function("arguments", s.all, [ca.vertcat(*found)])
 
 
-def arguments_along(problem: Functional, curve: CurveOrSlope, x: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
+def switch_arguments(problem: Functional, curve: CurveOrSlope, x: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
     """What decides each switch of ``on_curve``, at abscissae x (m,) of a curve; shape (switches, m)."""
-    y, dy = curve(x, 0), curve(x, 1)
-    ddy = curve(x, 2) if problem.order == 2 else np.zeros((0, len(x)))
-    columns = in_columns(len(x), problem.parameter_values, unknowns)
     with np.errstate(all="ignore"):
-        return np.asarray(_arguments(problem)(x[None], y, dy, ddy, *columns)).reshape(-1, len(x))
+        return np.asarray(_arguments(problem)(*arguments_along(problem, curve, x, unknowns))).reshape(-1, len(x))
 
 
 def crossings(
@@ -98,7 +94,7 @@ def crossings(
     x = np.unique(np.concatenate([nodes, (nodes[:-1, None] + np.diff(nodes)[:, None] * AN_ELEMENT).ravel()]))
 
     def arguments(at: np.ndarray) -> np.ndarray:
-        return arguments_along(problem, curve, at, unknowns)
+        return switch_arguments(problem, curve, at, unknowns)
 
     found: list[Crossing] = []
     for k, (switch, values) in enumerate(zip(switched, arguments(x), strict=True)):
@@ -153,14 +149,13 @@ def _onto(problem: Functional) -> ca.Function:
 
 def beside_jumps(problem: Functional, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
     """Ordinates (m,) just beside those at which L of one function jumps, on either side, from y (m,)."""
-    jumps, still = _placed_jumps(problem), np.zeros((problem.symbols.ddy.numel(), len(x)))
-    numbers = in_columns(len(x), problem.parameter_values, problem.unknown_guesses)
+    jumps = _placed_jumps(problem)
     found: list[np.ndarray] = []
     with np.errstate(all="ignore"):
         for k in range(len(jumps)):
             at, last = y, y
             for _ in range(STEPS_ONTO_SWITCH):
-                at, last = np.asarray(_onto(problem)(x[None], at[None], 0 * at[None], still, *numbers))[k], at
+                at, last = np.asarray(_onto(problem)(*arguments_at(problem, x, at[None], 0 * at[None])))[k], at
             unit = np.maximum(np.abs(at), np.ptp(x))
             known = np.isfinite(at) & (np.abs(at - last) <= BESIDE_SWITCH * unit)
             found += [np.where(known, at + way * 2 * BESIDE_SWITCH * unit, y) for way in (-1, 1) if known.any()]
@@ -185,7 +180,7 @@ def stretches_beside_jumps(solution: Solution, small: float) -> list[tuple[float
         return []
     nodes = np.unique(solution.x)
     x = np.unique(np.concatenate([nodes, (nodes[:-1, None] + np.diff(nodes)[:, None] * AN_ELEMENT).ravel()]))
-    values = np.abs(arguments_along(problem, curve, x, np.array(list(solution.unknowns.values()))))
+    values = np.abs(switch_arguments(problem, curve, x, np.array(list(solution.unknowns.values()))))
     found: list[tuple[float, float]] = []
     for switch, row in zip(on_curve(problem), values, strict=True):
         near = runs(row <= small * np.nanmax(row, initial=0.0)) if switch.jumps and not switch.stepped else []

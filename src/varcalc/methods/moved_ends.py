@@ -14,7 +14,7 @@ import numpy as np
 from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.breaks import along_x, breaks, moving_breaks, switches_of
 from varcalc.problem.conditions import Isoperimetric, parameters_of
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import Functional, arguments_along
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import derived
 
@@ -110,12 +110,10 @@ def _covector(
     x: float,
 ) -> tuple[float, np.ndarray]:
     """dJ/dx and dJ/dy (n,) of an end at x that lies on the right."""
-    s = problem.symbols
-    place = np.array([x])
-    y, dy = curve(place, 0)[:, 0], curve(place, 1)[:, 0]
-    arguments = [x, y, dy, np.zeros(s.ddy.numel()), problem.parameter_values, unknowns[: len(problem.unknowns)]]
+    place = arguments_along(problem, curve, np.array([x]), unknowns[: len(problem.unknowns)])
+    dy = place[2][:, 0]
     weights = np.array([1.0, *(-float(m or 0.0) for m in multipliers)])
-    whole = np.asarray(_momenta(problem)(*arguments)) @ weights
+    whole = np.asarray(_momenta(problem)(*place)) @ weights
     if not (np.isfinite(whole).all() and np.isfinite(dy).all()):
         return np.nan, _none(problem)
     momentum = whole[1:]

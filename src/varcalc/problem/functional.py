@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.axes import Axis
+from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.conditions import (
     Bound,
     Constraint,
@@ -32,7 +33,7 @@ from varcalc.showing import Fact, Shown, brief, line
 from varcalc.spelling import check_names, spelled
 from varcalc.symbolic.branches import continued
 from varcalc.symbolic.derived import Cache, derived
-from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.evaluation import PointEvaluator, in_columns
 from varcalc.symbolic.look_up import as_sums
 from varcalc.symbolic.tracing import (
     Expression,
@@ -527,6 +528,26 @@ def _traced_surface(surface: Callable[..., Any], arguments: list[Any], kind: typ
     if len(parts) != SPACE:
         raise ValueError(f"surface must return the 3 coordinates of a point in space, not {len(parts)}")
     return tuple(scalar(f"surface[{k}]", part, kind) for k, part in enumerate(parts))
+
+
+def arguments_at(
+    problem: Functional, x: np.ndarray, y: np.ndarray, dy: np.ndarray, ddy: np.ndarray | None = None,
+    unknowns: np.ndarray | None = None,
+) -> list[np.ndarray]:  # fmt: skip
+    """What :attr:`Symbols.all` stand for at m points, a column each: x (m,), y, dy and, at second order, ddy (n, m).
+
+    Without a bend ddy is zero, without ``unknowns`` these are the guesses.
+    """
+    bends = np.zeros((problem.symbols.ddy.numel(), len(x))) if ddy is None else ddy
+    numbers = problem.parameter_values, problem.unknown_guesses if unknowns is None else unknowns
+    return [x[None], y, dy, bends, *in_columns(len(x), *numbers)]
+
+
+def arguments_along(
+    problem: Functional, curve: CurveOrSlope, x: np.ndarray, unknowns: np.ndarray | None = None
+) -> list[np.ndarray]:
+    """The same at places x (m,) of a curve."""
+    return arguments_at(problem, x, curve(x, 0), curve(x, 1), curve(x, 2) if problem.order == 2 else None, unknowns)
 
 
 def check_functional(problem: Any) -> None:

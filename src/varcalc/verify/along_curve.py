@@ -24,10 +24,11 @@ import numpy as np
 from varcalc.formulation import Form, Sampled, SideCondition
 from varcalc.methods.answer import Extremal, lifted, sample
 from varcalc.numerics.mesh import CurveOrSlope, composite_gauss
-from varcalc.problem.functional import Symbols
+from varcalc.problem.functional import Symbols, arguments_at
 from varcalc.problem.lagrangian import Lagrangian
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.derived import Cache
+from varcalc.symbolic.evaluation import in_columns
 from varcalc.symbolic.tracing import Expression
 
 TOUCHED_AT = 1e-7
@@ -88,12 +89,10 @@ class AlongCurve:
 
     def arguments(self, s: np.ndarray) -> list[np.ndarray]:
         """s, y, dy, ddy, parameters, unknowns, lambda and mu at s (m,), each with m columns."""
-        slopes = [self.evaluate(s, k) for k in range(self.order + 1)]
-        acceleration = slopes[2] if self.order == 2 else np.zeros((0, len(s)))
-        constants = [self.form.problem.parameter_values, self.numbers, self.lambdas]
-        columns = [np.repeat(v[:, None], len(s), axis=1) for v in constants]
+        derivatives = [self.evaluate(s, k) for k in range(self.order + 1)]
         forces = np.array([mu(s) for mu in self.forces]).reshape(len(self.forces), len(s))
-        return [s[None, :], slopes[0], slopes[1], acceleration, *columns, forces]
+        known = arguments_at(self.form.problem, s, *derivatives, unknowns=self.numbers)
+        return [*known, *in_columns(len(s), self.lambdas), forces]
 
     @cached_property
     def multiplier_symbols(self) -> list[Expression]:

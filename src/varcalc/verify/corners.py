@@ -16,7 +16,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
-from varcalc.methods.crossings import arguments_along, on_curve
+from varcalc.methods.crossings import on_curve, switch_arguments
 from varcalc.solution import Finding, Solution, Verdict
 from varcalc.verify.along_curve import AlongCurve
 from varcalc.verify.candidate import HELD_TO, Candidate
@@ -112,7 +112,7 @@ def _pace_of_jump(solution: Solution, at: float) -> float | None:
         return None
     s, x = problem.symbols, np.append(np.unique(solution.x), at)
     unknowns = np.array(list(solution.unknowns.values()))
-    values = np.abs(arguments_along(problem, curve, x, unknowns))[jumps]
+    values = np.abs(switch_arguments(problem, curve, x, unknowns))[jumps]
     met = np.flatnonzero(values[:, -1] <= HELD_TO * values.max(1))
     if not len(met):
         return None

@@ -22,10 +22,9 @@ from varcalc.numerics.mesh import composite_gauss
 from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import bounds, integrals
 from varcalc.problem.conditions import Bound, Holonomic
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import Functional, arguments_at
 from varcalc.solution import Finding, Solution, Verdict
 from varcalc.symbolic.derived import derived
-from varcalc.symbolic.evaluation import in_columns
 from varcalc.verify.candidate import HELD_TO, Candidate
 from varcalc.verify.check import Check
 
@@ -123,9 +122,7 @@ def _let_go(solution: Solution, releases: Sequence[Release]) -> Release | None:
     def values(heights: np.ndarray, release: Release) -> np.ndarray:
         """What is summed at x, infinite where a bound is passed, with bumps so high (h,); shape (h, m)."""
         bent = [np.hstack([rows + height * release.bump(x, k) for height in heights]) for k, rows in enumerate(known)]
-        numbers = in_columns(bent[0].shape[1], problem.parameter_values, unknowns)
-        bend = [] if problem.order == 2 else [np.zeros((0, bent[0].shape[1]))]
-        at = [np.tile(x, len(heights))[None], *bent, *bend, *numbers]
+        at = arguments_at(problem, np.tile(x, len(heights)), *bent, unknowns=unknowns)
         terms = np.vstack([np.asarray(term) for term in integrals(problem).call(at)])
         summed = problem.sign * (weighed @ terms)
         for (low, high), row in zip(held, np.asarray(bounds(problem)(*at)) if held else (), strict=True):
@@ -153,8 +150,7 @@ class _Sides:
         self.unit, order = height(formulate(problem)), problem.order
         length = problem.span[1] - problem.span[0]
         units = np.repeat(self.unit / length ** np.arange(1 + order), problem.n)[:, None]
-        unknowns = np.array([solution.unknowns[name] for name in problem.unknowns])
-        self._numbers = in_columns(len(x), problem.parameter_values, unknowns)
+        self._unknowns = np.array([solution.unknowns[name] for name in problem.unknowns])
         number = next(i for i, switch in enumerate(on_curve(problem)) if switch is crossing.switch)
         on = np.concatenate([curve(x, k) for k in range(1 + order)])
         value, rate = (np.asarray(v) for v in _argument(problem)[number](*self._at(on)))
@@ -169,9 +165,8 @@ class _Sides:
 
     def _at(self, state: np.ndarray) -> list[np.ndarray]:
         """The arguments of the problem's expressions where ordinates and their derivatives are ``state``."""
-        n = self.problem.n
-        bend = state[2 * n :] if self.problem.order == 2 else np.zeros((0, len(self.x)))
-        return [self.x[None], state[:n], state[n : 2 * n], bend, *self._numbers]
+        derivatives = state.reshape(-1, self.problem.n, len(self.x))
+        return arguments_at(self.problem, self.x, *derivatives, unknowns=self._unknowns)
 
     def _gradient(self, solution: Solution, state: np.ndarray) -> np.ndarray:
         """That of what is minimised, levels with their multipliers included; shape (n (1 + order), m)."""

@@ -17,7 +17,7 @@ from varcalc.formulation import Form, Sampled
 from varcalc.formulation.height import height
 from varcalc.methods.ritz.starts import AMPLITUDES, bent, scaled_ring
 from varcalc.numerics.mesh import gauss
-from varcalc.symbolic.evaluation import in_columns
+from varcalc.problem.functional import arguments_at
 
 SCAN = np.geomspace(0.01, 30.0, 36)
 """Heights scanned for a prescribed integral, in units of the curve's own size."""
@@ -133,14 +133,13 @@ def _integral(form: Form) -> Callable[[Sampled], float]:
     condition = form.conditions.integrals[0]
     function = ca.Function("g", form.symbols.all, [condition.expression])
     s = np.linspace(*form.span, BASELINE_SAMPLES)
-    numbers = in_columns(BASELINE_SAMPLES, form.problem.parameter_values, form.start.unknowns)
 
     def miss(curve: Sampled) -> float:
         """What the integral along a curve is above its level, by the trapezoidal rule."""
         y = curve(s)
         dy = np.gradient(y, s, axis=1, edge_order=2)
-        ddy = np.gradient(dy, s, axis=1, edge_order=2) if form.order == 2 else np.zeros((0, BASELINE_SAMPLES))
-        result: Any = function(s[None, :], y, dy, ddy, *numbers)
+        ddy = np.gradient(dy, s, axis=1, edge_order=2) if form.order == 2 else None
+        result: Any = function(*arguments_at(form.problem, s, y, dy, ddy, form.start.unknowns))
         values = np.asarray(result).ravel()
         return float(np.sum((values[1:] + values[:-1]) * np.diff(s))) / 2 - condition.lower
 

@@ -23,8 +23,8 @@ from varcalc.methods.ritz.error import SOFT_MODE
 from varcalc.methods.ritz.newton import NullSpace, Step, newton_step
 from varcalc.methods.ritz.system import Evaluation, RitzSystem
 from varcalc.numerics.stacked import applied, positive
+from varcalc.problem.functional import arguments_at
 from varcalc.solution import Verdict
-from varcalc.symbolic.evaluation import in_columns
 
 if TYPE_CHECKING:
     from varcalc.methods.ritz.method import Rungs
@@ -95,11 +95,10 @@ def _unplaced(system: RitzSystem, z: np.ndarray) -> Doubt | None:
     """
     form, curve = system.form, system.space.curve(system.coefficients(z))
     ends = np.array(form.span)
-    columns = [curve(ends, 0), curve(ends, 1), np.zeros((0, 2))]
-    numbers = in_columns(2, form.problem.parameter_values, system.unknowns(z))
+    place = arguments_at(form.problem, ends, curve(ends, 0), curve(ends, 1), unknowns=system.unknowns(z))
     s = form.symbols
     integral = ca.dot(ca.gradient(form.integrand, s.dy), s.dy) - form.integrand
-    first, last = np.asarray(ca.Function("first", s.all, [integral])(ends[None], *columns, *numbers)).ravel()
+    first, last = np.asarray(ca.Function("first", s.all, [integral])(*place)).ravel()
     missed = abs(float(last - first)) * (ends[1] - ends[0])
     if missed <= PLACED * system.evaluate(z).scale:
         return None

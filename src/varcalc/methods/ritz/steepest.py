@@ -20,10 +20,10 @@ from varcalc.formulation import Contact, Form, Sampled
 from varcalc.methods.ritz.touching import touched_stretches
 from varcalc.numerics.mesh import CurveOrSlope
 from varcalc.problem.conditions import Bound
+from varcalc.problem.functional import arguments_at
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import Cache
-from varcalc.symbolic.evaluation import in_columns
 
 MIXED = 6
 """Shifts at most that are taken in view at once."""
@@ -300,10 +300,8 @@ def _setting_out(
 def _along(form: Form, expression: ca.SX) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """A bound's function at (x, y, slope), (m,) and (1, m) each."""
     function = ca.Function("bound", form.symbols.all, [ca.densify(expression)])
-    numbers = form.problem.parameter_values, form.start.unknowns
 
     def along(x: np.ndarray, y: np.ndarray, slope: np.ndarray) -> np.ndarray:
-        columns = in_columns(len(x), *numbers)
-        return np.asarray(function(x[None], y, slope, np.zeros((0, len(x))), *columns))[0]
+        return np.asarray(function(*arguments_at(form.problem, x, y, slope, unknowns=form.start.unknowns)))[0]
 
     return along
