@@ -17,12 +17,11 @@ import casadi as ca
 import numpy as np
 
 from varcalc.certificates.degree import degrees
-from varcalc.certificates.inequalities import not_taken
 from varcalc.certificates.integrals import Unproved
 from varcalc.formulation.graph import graph_form
 from varcalc.methods.answer import Extremal
 from varcalc.problem.conditions import Fixed, Isoperimetric
-from varcalc.problem.functional import Functional, rebuilt
+from varcalc.problem.functional import Functional, rebuilt, unused_names
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.tracing import Expression, TracedFunction, as_written
 from varcalc.verify.along_curve import AlongCurve, in_form
@@ -64,7 +63,7 @@ def _problem(along: AlongCurve, placed: list[int], turned: int, unit: float) -> 
     It is counted from ``-unit``, so that as a number it is of the size of the curve wherever that lies.
     """
     given, s = along.form.problem, along.symbols
-    added = not_taken(given, [SPEED, *(START.format(k) for k in placed)])
+    added = unused_names(given, [SPEED, *(START.format(k) for k in placed)])
     names = tuple(given.parameters), (*given.unknowns, *added)
     begin, there = s.kind.sym("start", len(placed)), s.kind(s.y)
     with as_written():

@@ -22,7 +22,7 @@ from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
 from varcalc.formulation import SideCondition
 from varcalc.problem.conditions import Constraint, Isoperimetric
-from varcalc.problem.functional import Functional
+from varcalc.problem.functional import unused_names
 from varcalc.problem.problem import Problem
 from varcalc.symbolic.instructions import Program
 from varcalc.symbolic.tracing import Expression
@@ -120,7 +120,7 @@ def with_multipliers(
 
     Of these each Isoperimetric is one of the problem's own.
     """
-    names = not_taken(problem, [f"multiplier_{k}" for k in range(len(terms))])
+    names = unused_names(problem, [f"multiplier_{k}" for k in range(len(terms))])
     symbols = ca.SX.sym("multipliers", len(names))
     total = problem.sign * problem.integrand
     for k, (integrand, _) in enumerate(terms):
@@ -128,10 +128,3 @@ def with_multipliers(
 
     values = {name: multiplier for name, (_, multiplier) in zip(names, terms, strict=True)}
     return problem.with_integrand(problem.sign * total, values, symbols, constraints=constraints)
-
-
-def not_taken(problem: Functional, names: list[str]) -> list[str]:
-    """Names of numbers, lengthened until the problem has none of them."""
-    while {*names} & {*problem.parameters, *problem.unknowns}:
-        names = [f"{name}_" for name in names]
-    return names

@@ -23,11 +23,11 @@ import numpy as np
 
 from varcalc.certificates.balls import Ball, below, flint
 from varcalc.certificates.degree import degrees
-from varcalc.certificates.inequalities import not_taken
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.statement import squared
 from varcalc.problem.conditions import Fixed, Free
+from varcalc.problem.functional import unused_names
 from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.instructions import Program
@@ -196,7 +196,7 @@ class Separated:
     def rest(self) -> Problem:
         """The problem of the rest of the curve, from a free end that costs what was left out."""
         slope, bend = self.cost
-        added = not_taken(self.problem, COST)
+        added = unused_names(self.problem, COST)
         numbers = dict(zip(added, (self.side * slope, bend, self.y), strict=True))
 
         def cost(x0: Any, y0: Any, x1: Any, y1: Any, p: Any) -> Any:

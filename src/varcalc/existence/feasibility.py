@@ -24,7 +24,7 @@ from varcalc.numerics.mesh import composite_gauss
 from varcalc.problem.breaks import breaks
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
 from varcalc.problem.convexity import proved_jointly_convex
-from varcalc.problem.functional import Functional, arguments_at
+from varcalc.problem.functional import Functional, arguments_at, unused_names
 from varcalc.problem.problem import Curve, Problem
 from varcalc.solution import Finding, Solution, Verdict, refused
 from varcalc.symbolic.convexity import Entry, shapes
@@ -234,26 +234,19 @@ def contradiction(problem: Functional) -> Contradiction | None:
         return None
     if any(end.slides or end.periodic for end in (problem.start, problem.end)):
         return None
-    sizes = _sizes(problem)
-    misses = []
+    sizes, misses = _sizes(problem), []
     for weight in SLOPE_WEIGHTS:
+        elastic = _elastic(problem, sizes, weight)
         solution = Ritz(starts=3, optimiser=Ipopt(tol=MISS_KNOWN_TO)).solve(
-            formulate(_elastic(problem, sizes, weight)), tol=MISS_TOLERANCE, guess=None
+            formulate(elastic), tol=MISS_TOLERANCE, guess=None
         )
         if not solution.status.ok:
             return None
-        misses.append(solution.unknowns[_name(problem)])
+        *_, miss = elastic.unknowns
+        misses.append(solution.unknowns[miss])
     if misses[-1] <= REAL_MISS or misses[-1] < MISS_KEPT * misses[0]:
         return None
     return Contradiction(problem, {i: misses[-1] * sizes[i] for i in own})
-
-
-def _name(problem: Problem) -> str:
-    """A name for the miss that the problem itself does not use."""
-    name = "miss"
-    while name in problem.unknowns or name in problem.parameters:
-        name += "_"
-    return name
 
 
 def _sizes(problem: Problem) -> dict[int, float]:
@@ -279,18 +272,18 @@ def _sizes(problem: Problem) -> dict[int, float]:
 
 def _elastic(problem: Problem, sizes: dict[int, float], weight: float) -> Problem:
     """The problem whose curve misses the conditions of ``problem`` least, and is smooth for the rest."""
-    name, named = _name(problem), bool(problem.parameters or problem.unknowns)
+    (miss,), named = unused_names(problem, ["miss"]), bool(problem.parameters or problem.unknowns)
     a, b = problem.span
     ends = [np.abs(v).max(initial=0.0) for v in formulate(problem).start.curve(np.array([a, b])).T]
     steepness = float(weight * (b - a) / (max(ends) or 1.0) ** 2)
 
     def cost(*arguments: Any) -> Any:
         *slopes, p = arguments[2:]
-        return getattr(p, name) ** 2 / (b - a) + steepness * ca.sumsqr(slopes[-1]) * (b - a) ** (2 * len(slopes) - 2)
+        return getattr(p, miss) ** 2 / (b - a) + steepness * ca.sumsqr(slopes[-1]) * (b - a) ** (2 * len(slopes) - 2)
 
     def shifted(function: Callable[..., Any], share: float) -> Callable[..., Any]:
         """``function`` with a share of the miss added."""
-        return lambda *a: function(*(a if named else a[:-1])) + share * getattr(a[-1], name)
+        return lambda *a: function(*(a if named else a[:-1])) + share * getattr(a[-1], miss)
 
     conditions: list[Any] = []
     for i, constraint in enumerate(problem.constraints):
@@ -304,7 +297,7 @@ def _elastic(problem: Problem, sizes: dict[int, float], weight: float) -> Proble
             conditions += _loosened(Bound, constraint.h, constraint.interval, sizes[i], shifted)
     return Problem(
         cost, problem.start, problem.end, constraints=conditions, parameters=problem.parameters,
-        unknowns={**problem.unknowns, name: 1.0}, order=problem.order, breakpoints=breaks(problem),
+        unknowns={**problem.unknowns, miss: 1.0}, order=problem.order, breakpoints=breaks(problem),
     )  # fmt: skip
 
 

@@ -550,6 +550,13 @@ def arguments_along(
     return arguments_at(problem, x, curve(x, 0), curve(x, 1), curve(x, 2) if problem.order == 2 else None, unknowns)
 
 
+def unused_names(problem: Functional, names: list[str]) -> list[str]:
+    """Names of numbers, lengthened until the problem has none of them."""
+    while {*names} & {*problem.parameters, *problem.unknowns}:
+        names = [f"{name}_" for name in names]
+    return names
+
+
 def check_functional(problem: Any) -> None:
     """TypeError for anything but a problem; it says where to find that of what holds one."""
     if not isinstance(problem, Functional):
