@@ -14,6 +14,7 @@ import numpy as np
 
 from varcalc.existence.rounded import rounded_off
 from varcalc.formulation import formulate
+from varcalc.methods.ritz.ipopt import quiet
 from varcalc.numerics.mesh import GAUSS_SHARES, composite_gauss
 from varcalc.problem.conditions import Bound, Isoperimetric
 from varcalc.problem.end_cost import end_cost
@@ -25,10 +26,7 @@ PIECES_KEPT = 24
 """Of a polygon."""
 SWITCHED_WITHIN = 0.02
 """Width over which what switches is rounded off, relative to its size along the known curve."""
-OPTIONS: dict[str, object] = {
-    "print_time": False,
-    "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-7, "max_iter": 80},
-}  # fmt: skip
+OPTIONS = quiet({"tol": 1e-7, "max_iter": 80})
 """Of IPOPT, for one polygon."""
 NEAREST_ENDS = 1e-2
 """How near to each other the abscissae of the ends may come, in units of the interval."""

@@ -18,6 +18,7 @@ import numpy as np
 from varcalc.existence.directions import polygonal
 from varcalc.existence.rests import Surfaces
 from varcalc.formulation import Contact, Form, Sampled
+from varcalc.methods.ritz.ipopt import quiet
 from varcalc.numerics.mesh import GAUSS_SHARES
 from varcalc.numerics.runs import runs
 from varcalc.problem.breaks import breaks
@@ -39,10 +40,7 @@ LEAST_RIDE = 4
 """How many such pieces make a stretch along a kink, and no place at which it is gone through."""
 ROUNDS, MOST_PIECES, PARTS = 9, 1500, 4
 """Times that a polygon is made finer, its pieces at most, and into how many a piece is cut."""
-OPTIONS: dict[str, object] = {
-    "print_time": False,
-    "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-10, "max_iter": 150, "bound_relax_factor": 0.0},
-}  # fmt: skip
+OPTIONS = quiet({"tol": 1e-10, "max_iter": 150, "bound_relax_factor": 0.0})
 """Of IPOPT, for one polygon."""
 ABOVE = 1e-2
 """How far above both branches a function begins, in units of the largest."""

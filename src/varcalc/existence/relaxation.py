@@ -23,6 +23,7 @@ from scipy.optimize import brentq
 from varcalc.existence.relaxed_polygons import least_relaxed
 from varcalc.existence.rounded import points_along, rounded_off
 from varcalc.existence.slope_sectors import by_sector, slope_sectors
+from varcalc.methods.ritz.ipopt import quiet
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.breaks import breaks, on_curve
 from varcalc.problem.conditions import Bound, Holonomic, Isoperimetric, Through
@@ -398,11 +399,10 @@ class _RelaxedProgram:
     @cached_property
     def _solver(self) -> ca.Function:
         """IPOPT on the program, whose parameter is the unit of the functional."""
-        options = {
-            "print_time": False, "show_eval_warnings": False, "no_nlp_grad": True, "calc_lam_p": False,
-            "ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": IPOPT_ITERATIONS,
-                      "bound_relax_factor": 0.0, "mu_strategy": "adaptive"},
+        settings = {
+            "tol": 1e-9, "max_iter": IPOPT_ITERATIONS, "bound_relax_factor": 0.0, "mu_strategy": "adaptive",
         }  # fmt: skip
+        options = quiet(settings) | {"no_nlp_grad": True, "calc_lam_p": False}
         return ca.nlpsol("relaxed", "ipopt", self._nlp, options)
 
     def solved(self, guess: np.ndarray) -> Relaxed | None:

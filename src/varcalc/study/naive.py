@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from varcalc.methods.ritz.ipopt import quiet
 from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Problem
 
@@ -82,9 +83,8 @@ class MidpointRule:
         sampled = _integrand(problem).map(pieces)(
             middles[None, :], (y[:, :-1] + y[:, 1:]) / 2, (y[:, 1:] - y[:, :-1]) / h, problem.parameter_values
         )
-        options = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_iter": NAIVE_ITERATIONS}
         nlp = {"x": ca.vec(inner), "f": self.sign * h * ca.sum2(sampled)}
-        self.solver = ca.nlpsol("naive", "ipopt", nlp, options)
+        self.solver = ca.nlpsol("naive", "ipopt", nlp, quiet({"max_iter": NAIVE_ITERATIONS}))
         self.build = time.process_time() - began
 
     def minimised(self, start: np.ndarray | None = None) -> NaiveAnswer:

@@ -180,8 +180,6 @@ def _posed(
         derivatives, straight = program.derivatives.options(program.count), program.derivatives.straight
     lost = _round_off(derivatives["hess_lag"], z / scale, program.count)
     settings = {
-        "print_level": 0,
-        "sb": "yes",
         "tol": ipopt.tol,
         "acceptable_tol": min(max(ipopt.tol, lost), LEAST_EXACT),
         "acceptable_iter": 1,
@@ -195,13 +193,14 @@ def _posed(
         # the variables are of size one: beyond this the functional has no lower bound
         "diverging_iterates_tol": 1e8,
     } | ({"jac_c_constant": "yes", "jac_d_constant": "yes"} if straight else {})
-    options: dict[str, Any] = {
-        "print_time": False,
-        "show_eval_warnings": False,
-        "no_nlp_grad": True,  # the sensitivities are taken from the curve, by the envelope theorem
-        "ipopt": settings,
-    }
-    return program, options | derivatives
+    # the sensitivities are taken from the curve, by the envelope theorem
+    return program, quiet(settings) | {"no_nlp_grad": True} | derivatives
+
+
+def quiet(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a solver of CasADi's for which IPOPT, with these ``settings``, prints nothing."""
+    own = {"print_level": 0, "sb": "yes", **settings}
+    return {"print_time": False, "show_eval_warnings": False, "ipopt": own}
 
 
 def _round_off(hessian: ca.Function, start: np.ndarray, rows: int) -> float:
