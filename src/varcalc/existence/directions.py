@@ -18,7 +18,7 @@ from varcalc.problem.functional import Functional
 from varcalc.problem.problem import Curve
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import derived
-from varcalc.symbolic.evaluation import Columns, PointEvaluator
+from varcalc.symbolic.evaluation import PointEvaluator
 from varcalc.symbolic.intervals import Interval
 
 SIZED_PLACES = 65
@@ -151,12 +151,12 @@ class Departures:
         bent = [row for rows in bends for row in rows]
         if turns is not None:
             bent = [c if a is None else c + a for c, a in zip(bent, turns, strict=True)]
-        return columns(self.problem)(x, place, turned, bent, *self.numbers)
+        return stated_at_points(self.problem).columns(x, place, turned, bent, *self.numbers)
 
     def least_at(self, x: np.ndarray, *rows: Sequence[np.ndarray]) -> np.ndarray:
         """What ``values`` are, of curves with these ordinates, slopes and second derivatives."""
         with np.errstate(all="ignore"):
-            return self.least([(v, v) for v in columns(self.problem)(x, *rows, *self.numbers)])
+            return self.least([(v, v) for v in stated_at_points(self.problem).columns(x, *rows, *self.numbers)])
 
     @property
     def levels(self) -> list[Isoperimetric]:
@@ -255,9 +255,6 @@ def stated(problem: Functional) -> ca.Function:
 
 
 @derived
-def columns(problem: Functional) -> Columns:
-    """The same of columns that NumPy broadcasts.
-
-    Raises TypeError or ValueError where NumPy has no form of it.
-    """
-    return PointEvaluator(stated(problem)).columns
+def stated_at_points(problem: Functional) -> PointEvaluator:
+    """The same at points, or of columns where NumPy has a form of it."""
+    return PointEvaluator(stated(problem))

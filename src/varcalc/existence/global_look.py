@@ -903,9 +903,6 @@ def _takes_columns(problem: Functional) -> bool:
     """Whether what is stated is a function of columns."""
     if isinstance(problem, Problem) and _is_graph(problem):
         return problem.vectorised
-    from varcalc.existence.directions import columns
+    from varcalc.existence.directions import stated_at_points
 
-    try:
-        return columns(problem) is not None
-    except (TypeError, ValueError):
-        return False
+    return stated_at_points(problem).vectorised

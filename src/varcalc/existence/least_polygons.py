@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.existence.along_directions import along_directions
-from varcalc.existence.directions import Departures, columns, polygonal
+from varcalc.existence.directions import Departures, polygonal, stated_at_points
 from varcalc.existence.moved_polygons import marked, refined
 from varcalc.existence.polygons import NEAR, PIECES, PIECES_ACROSS, PolygonLattice, Valley, across_the_landscape
 from varcalc.existence.together import AlongAxes, together
@@ -65,10 +65,7 @@ def _polygonal(problem: Functional) -> bool:
     held = any(isinstance(c, Holonomic | Isoperimetric) for c in problem.constraints)
     if held or any(problem.slides) or problem.start.periodic:
         return False
-    try:
-        return columns(problem) is not None
-    except (TypeError, ValueError):  # an operation that NumPy has no form of
-        return False
+    return stated_at_points(problem).vectorised
 
 
 def from_line(form: Form) -> Departures:

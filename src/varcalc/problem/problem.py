@@ -255,10 +255,7 @@ class Problem(Functional):
     @property
     def vectorised(self) -> bool:
         """Whether :meth:`integrand_on` has L: it holds nothing that NumPy has no form of, such as a table."""
-        try:
-            return _integrand(self).columns is not None
-        except (TypeError, ValueError):
-            return False
+        return _integrand(self).vectorised
 
     def integrand_on(self, x: np.ndarray, y: np.ndarray, dy: np.ndarray) -> np.ndarray:
         """L of one unknown function on arrays that broadcast; unknowns at their guesses.

@@ -137,16 +137,23 @@ class PointEvaluator:
         """
         return _Instructions(self.function)
 
+    @property
+    def vectorised(self) -> bool:
+        """Whether NumPy has a form of all of it, so that there are :attr:`columns`."""
+        try:
+            return self.columns is not None
+        except (TypeError, ValueError):
+            return False
+
     def _read(self, count: int) -> bool:
         """Whether the instructions have been read, or are now, since so many points are asked for."""
         self._before_reading -= count
         if self._before_reading > 0:
             return False
-        try:
-            return self.columns is not None
-        except ValueError:
+        if not self.vectorised:
             self._before_reading = math.inf
             return False
+        return True
 
     def _by_columns(self, arguments: Sequence[np.ndarray], results: np.ndarray) -> None:
         columns, nonzeros = self.columns, np.flatnonzero(self.occupied)
