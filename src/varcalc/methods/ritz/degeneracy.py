@@ -121,6 +121,7 @@ def _hardly_reaches_ends(system: RitzSystem, modes: np.ndarray) -> bool:
     nowhere = system.coefficients(np.zeros(system.size))
 
     def reaches(direction: np.ndarray) -> bool:
+        """Whether it is more than next to nothing, or its slope, at both ends."""
         curve = system.space.curve(system.coefficients(direction) - nowhere)
         sizes = [np.abs(curve(s, k)).max(axis=0) for k in (0, 1)]
         return all(any(size[k] > AT_AN_END * size.max() for size in sizes) for k in (0, -1))

@@ -334,6 +334,7 @@ class ZeroSearch:
         index = np.sqrt(of.middle)
 
         def level(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            """The values (k,) at ``at``, and their rates."""
             terms = self._terms(spans.origin, at)
             squares, slope = terms.squares(of, 0), terms.squares(of, 1)
             with np.errstate(all="ignore"):
