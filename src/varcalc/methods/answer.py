@@ -104,6 +104,12 @@ class Extremal:
     samples: SampledExtremal | None = None
     """Where the problem was evaluated along the curve, where the method has that at hand."""
 
+    @property
+    def at_ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """The functions (n,) at the start and at the end."""
+        first, last = (self.evaluate(np.array([s]), 0)[:, 0] for s in self.form.span)
+        return first, last
+
     @cached_property
     def abscissae(self) -> tuple[np.ndarray, np.ndarray]:
         """Ascending s (m,), close together in every element, and the user's x there, ascending as well."""
@@ -190,8 +196,7 @@ def end_cost(extremal: Extremal) -> float:
     form = extremal.form
     if form.ends.joint is None:
         return 0.0
-    first, last = (extremal.evaluate(np.array([s]), 0)[:, 0] for s in form.span)
-    return cost_between(form, first, last, extremal.unknowns)
+    return cost_between(form, *extremal.at_ends, extremal.unknowns)
 
 
 def cost_between(form: Form, start: np.ndarray, end: np.ndarray, unknowns: np.ndarray) -> float:
@@ -248,8 +253,7 @@ def sensitivities(extremal: Extremal, count: int) -> np.ndarray:
             [e.start, e.end, parameters, form.symbols.unknowns],
             [ca.densify(ca.gradient(e.cost, parameters))],
         )
-        first, last = (extremal.evaluate(np.array([t]), 0)[:, 0] for t in form.span)
-        total += np.asarray(partial(first, last, form.problem.parameter_values, extremal.unknowns)).ravel()
+        total += np.asarray(partial(*extremal.at_ends, form.problem.parameter_values, extremal.unknowns)).ravel()
     total += _by_moved_surfaces(extremal)
     problem = form.problem
     levels = multipliers(extremal) if problem.constraints and (problem.end_parameters or moving_breaks(problem)) else ()
@@ -270,10 +274,9 @@ def _by_moved_surfaces(extremal: Extremal) -> np.ndarray | float:
     inside = [here for _, _, here in joint.inside]
     given = [joint.start, joint.end, form.symbols.parameters, form.symbols.unknowns, *inside]
     moved = ca.Function("moved", given, [ca.densify(ca.jacobian(joint.equations, form.symbols.parameters))])
-    first, last = (extremal.evaluate(np.array([t]), 0)[:, 0] for t in form.span)
     width = form.span[1] - form.span[0]
     held = [extremal.evaluate(np.array([at]), k)[:, 0] * width**k for at, k, _ in joint.inside]
-    rates = np.asarray(moved(first, last, form.problem.parameter_values, extremal.unknowns, *held))
+    rates = np.asarray(moved(*extremal.at_ends, form.problem.parameter_values, extremal.unknowns, *held))
     return extremal.forces @ rates
 
 

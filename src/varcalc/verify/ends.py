@@ -87,10 +87,9 @@ def _end_terms(extremal: Extremal) -> _EndTerms | None:
     function = ca.Function(
         "end_terms", [e.start, e.end, u, form.symbols.parameters, nu], [ca.densify(o) for o in outputs]
     )
-    first, last = (extremal.evaluate(np.array([s]), 0)[:, 0] for s in form.span)
 
     def at(multipliers: np.ndarray) -> list[np.ndarray]:
-        out: Any = function(first, last, extremal.unknowns, form.problem.parameter_values, multipliers)
+        out: Any = function(*extremal.at_ends, extremal.unknowns, form.problem.parameter_values, multipliers)
         return [np.asarray(v) for v in out]
 
     gradient, equations, hessian = at(np.zeros(nu.numel()))
