@@ -229,9 +229,8 @@ def _sketch(case: Case) -> str:
     solution = case.solution
     if solution.curve is None:
         return ""
-    first, last = solution.interval
-    at = np.linspace(first, last, DRAWN)
-    y = np.asarray(solution.y(at)).reshape(solution.problem.n, DRAWN)
+    at = np.linspace(*solution.interval, DRAWN)
+    y = solution.curve(at, 0)
     if isinstance(solution.problem, Curve):
         return sketch([y[[0, -1]]], equal=True, downward=case.reference.downward)
     return sketch([np.stack([at, row]) for row in y], downward=case.reference.downward)
