@@ -176,6 +176,11 @@ class Solution(Plotted):
         return type(self.method).__name__
 
     @property
+    def unknown_values(self) -> np.ndarray:
+        """The numbers in ``unknowns``, in the order in which the problem names them."""
+        return np.array(list(self.unknowns.values()))
+
+    @property
     def interval(self) -> tuple[float, float]:
         """The first and the last abscissa of the curve; (0, 1) for a Curve. Where an end slides they are results.
 

@@ -67,6 +67,5 @@ def as_held(problem: Problem, solution: Solution) -> bool:
     # where round-off puts a curve on either side of a jump it runs along that, on which L is either
     felt[felt > JUMP_BY_ROUND_OFF * np.abs(values).max()] = 0.0
     value, size, round_off = (float(v @ weights) for v in (values, np.abs(values), felt))
-    numbers = np.array(list(solution.unknowns.values()))
-    cost = problem.sign * cost_along(problem, solution.curve, solution.interval, numbers)
+    cost = problem.sign * cost_along(problem, solution.curve, solution.interval, solution.unknown_values)
     return abs(value + cost - solution.value) <= solution.error.value + HELD * (size + abs(cost)) + round_off

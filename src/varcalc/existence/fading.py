@@ -70,7 +70,7 @@ def _values(problem: Problem, solution: Solution, growing: _Growing) -> tuple[np
     assert solution.curve is not None
     x, weights = composite_gauss(solution.x, GAUSS_POINTS)
     y, dy = (np.repeat(solution.curve(x, k)[:, None], len(FACTORS), axis=1) for k in (0, 1))
-    numbers = np.tile(list(solution.unknowns.values()), (len(FACTORS), 1))
+    numbers = np.tile(solution.unknown_values, (len(FACTORS), 1))
     if growing.number is not None:
         numbers[:, growing.number] *= FACTORS
     else:

@@ -181,7 +181,7 @@ def _beaten(solution: Solution) -> bool:
     x, weights = composite_gauss(np.linspace(a, b, WAVE_PIECES + 1), WAVE_POINTS)
     own, sums = [curve(x, k) for k in range(problem.order + 1)], []
     sizes = WAVE_SIZES * max(b - a, float(np.abs(own[0]).max()))
-    unknowns = np.tile(list(solution.unknowns.values()), (len(x), 1))
+    unknowns = np.tile(solution.unknown_values, (len(x), 1))
     with np.errstate(all="ignore"):
         for count in WAVES:
             turn, rate = 2 * np.pi * count * (x - a) / (b - a), 2 * np.pi * count / (b - a)

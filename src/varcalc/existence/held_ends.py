@@ -141,7 +141,7 @@ def _beside(problem: Problem, end: int, ordinate: float, solved: Callable[[Probl
     if not solution.status.ok or solution.curve is None:
         return None
     places = [v for x in problem.span for v in (x, float(solution.curve(np.array([x]), 0)[0, 0]))]
-    numbers[1] = np.array(list(solution.unknowns.values()))
+    numbers[1] = solution.unknown_values
     stated = problem.sign * cost_along(problem, solution.curve, problem.span, numbers[1])
     taken = float(function(*places, *numbers))
     if abs(stated - taken) > solution.error.value + ON_SWITCH * abs(stated):

@@ -107,5 +107,5 @@ def _summed(best: Solution, numbers: np.ndarray) -> tuple[np.ndarray, float]:
         terms = np.vstack([np.asarray(term) for term in integrals(problem).call(given)])
         values = (prices @ terms).reshape(count, points)
         sums = values @ weights + costs_of_ends(problem, start, end, numbers)
-    own = np.abs(values[int(np.argmin(np.abs(numbers - list(best.unknowns.values())).sum(1)))])
+    own = np.abs(values[int(np.argmin(np.abs(numbers - best.unknown_values).sum(1)))])
     return np.where(np.isfinite(sums), sums, np.inf), float(own @ weights)

@@ -166,7 +166,7 @@ def met_by(solution: Solution, small: float = ARGUMENT_ROUND_OFF) -> list[Crossi
     """The switches that a solution's curve meets."""
     if solution.curve is None or not on_curve(solution.problem):
         return []
-    numbers = np.array(list(solution.unknowns.values()))
+    numbers = solution.unknown_values
     return crossings(solution.problem, solution.curve, solution.x, numbers, small)
 
 
@@ -180,7 +180,7 @@ def stretches_beside_jumps(solution: Solution, small: float) -> list[tuple[float
         return []
     nodes = np.unique(solution.x)
     x = np.unique(np.concatenate([nodes, (nodes[:-1, None] + np.diff(nodes)[:, None] * AN_ELEMENT).ravel()]))
-    values = np.abs(switch_arguments(problem, curve, x, np.array(list(solution.unknowns.values()))))
+    values = np.abs(switch_arguments(problem, curve, x, solution.unknown_values))
     found: list[tuple[float, float]] = []
     for switch, row in zip(on_curve(problem), values, strict=True):
         near = runs(row <= small * np.nanmax(row, initial=0.0)) if switch.jumps and not switch.stepped else []

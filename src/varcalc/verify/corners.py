@@ -111,7 +111,7 @@ def _pace_of_jump(solution: Solution, at: float) -> float | None:
     if problem.n > 1 or curve is None or not jumps:
         return None
     s, x = problem.symbols, np.append(np.unique(solution.x), at)
-    unknowns = np.array(list(solution.unknowns.values()))
+    unknowns = solution.unknown_values
     values = np.abs(switch_arguments(problem, curve, x, unknowns))[jumps]
     met = np.flatnonzero(values[:, -1] <= HELD_TO * values.max(1))
     if not len(met):

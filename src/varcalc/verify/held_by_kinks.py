@@ -115,14 +115,13 @@ def _let_go(solution: Solution, releases: Sequence[Release]) -> Release | None:
     first, last = min(r.start for r in releases), max(r.end for r in releases)
     x, weights = composite_gauss(np.linspace(first, last, PARTS + 1), POINTS_A_PART)
     known = [curve(x, k) for k in range(1 + problem.order)]
-    unknowns = np.array([solution.unknowns[name] for name in problem.unknowns])
     weighed = np.array([1.0, *(-m for m in solution.multipliers if isinstance(m, float))])
     held = [c.interval for c in problem.constraints if isinstance(c, Bound)]
 
     def values(heights: np.ndarray, release: Release) -> np.ndarray:
         """What is summed at x, infinite where a bound is passed, with bumps so high (h,); shape (h, m)."""
         bent = [np.hstack([rows + height * release.bump(x, k) for height in heights]) for k, rows in enumerate(known)]
-        at = arguments_at(problem, np.tile(x, len(heights)), *bent, unknowns=unknowns)
+        at = arguments_at(problem, np.tile(x, len(heights)), *bent, unknowns=solution.unknown_values)
         terms = np.vstack([np.asarray(term) for term in integrals(problem).call(at)])
         summed = problem.sign * (weighed @ terms)
         for (low, high), row in zip(held, np.asarray(bounds(problem)(*at)) if held else (), strict=True):
@@ -150,7 +149,7 @@ class _Sides:
         self.unit, order = height(formulate(problem)), problem.order
         length = problem.span[1] - problem.span[0]
         units = np.repeat(self.unit / length ** np.arange(1 + order), problem.n)[:, None]
-        self._unknowns = np.array([solution.unknowns[name] for name in problem.unknowns])
+        self._unknowns = solution.unknown_values
         number = next(i for i, switch in enumerate(on_curve(problem)) if switch is crossing.switch)
         on = np.concatenate([curve(x, k) for k in range(1 + order)])
         value, rate = (np.asarray(v) for v in _argument(problem)[number](*self._at(on)))

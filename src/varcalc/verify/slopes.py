@@ -277,7 +277,7 @@ class SlopeFan:
         problem = self.solution.problem
         if not (found := jumps_of_slope(problem)):
             return None
-        unknowns = np.array([list(self.solution.unknowns.values())])
+        unknowns = self.solution.unknown_values[None]
         out: list[np.ndarray] = []
         for a in range(len(self.v)):
             slopes = [slope for jump in found for slope in jump.near(problem, self.x, self.y, self.v, a, unknowns)]
@@ -292,7 +292,7 @@ class SlopeFan:
         for a in range(n):
             slopes[a, :, :, a] = self.tried[a]
         x, y = (np.tile(np.repeat(rows, count, axis=0), (n, 1)) for rows in (self.x[:, None], self.y.T))
-        numbers = problem.parameter_values[None], np.array([list(self.solution.unknowns.values())])
+        numbers = problem.parameter_values[None], self.solution.unknown_values[None]
         component = np.repeat(np.eye(n), places * count, axis=0)
         found = _functions(problem).rows(
             n * places * count, x, y, slopes.reshape(-1, n), np.zeros((1, 0)), *numbers, component
@@ -353,7 +353,7 @@ class SlopeFan:
     def _at_switches(self) -> np.ndarray:
         """Where the curve's own slope is one at which L has a kink, or jumps; (n, places) of bool."""
         problem, at = self.solution.problem, np.zeros(self.v.shape, dtype=bool)
-        unknowns = np.array([list(self.solution.unknowns.values())])
+        unknowns = self.solution.unknown_values[None]
         for switch in switches_of_slope(problem):
             for a in range(len(self.v)):
                 for slope in switch.near(problem, self.x, self.y, self.v, a, unknowns)[::3]:

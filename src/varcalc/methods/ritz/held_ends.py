@@ -127,5 +127,5 @@ def _rate_of_cost(form: Form, solution: Solution, end: int) -> float:
     assert curve is not None
     rate = ca.gradient(joint.cost, (joint.start, joint.end)[end])
     function = ca.Function("rate", [joint.start, joint.end, s.parameters, s.unknowns], [rate])
-    unknowns = np.array(list(solution.unknowns.values()))
+    unknowns = solution.unknown_values
     return float(function(*curve(np.array(form.span), 0).T, form.problem.parameter_values, unknowns))

@@ -101,7 +101,7 @@ class Touching:
         extremal = Extremal(
             form=self.plain,
             evaluate=curve,
-            unknowns=np.array(list(solution.unknowns.values())),
+            unknowns=solution.unknown_values,
             vertices=solution.x,
             lambdas=np.array(
                 [-sign * float(solution.multipliers[c.index]) for c in self.plain.conditions.integrals if c.equality]
