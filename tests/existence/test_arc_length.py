@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.problem.arc_length import proved_in_arc_length
+from varcalc.existence.of_given_length import proved_in_arc_length
 
 HALF = 0.8
 """Half the span in units of the catenary's parameter, which is 1."""

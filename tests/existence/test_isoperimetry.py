@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import varcalc as vc
-from varcalc.problem.isoperimetry import least_by_length
+from varcalc.existence.of_given_length import least_by_length
 
 START, END = vc.At((1.0, 2.0)), vc.At((3.0, 2.5))
 
