@@ -168,16 +168,12 @@ class OrbitCurve(SentResampled):
 
     @cached_property
     def _cumulative(self) -> Cumulative:
-        return Cumulative([leg.panels for leg in self.batch.legs], [d[0] for d in self.measured.dx])
+        return self.batch.cumulative(self.measured)
 
     @cached_property
     def _anchors(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Abscissa of each leg's anchor, sign of the way from it, and the abscissae between legs."""
-        covered = self._cumulative.totals()
-        between = self.start + np.concatenate([[0.0], np.cumsum(covered)])
-        between[-1] = self.end
-        away = np.array([leg.away for leg in self.batch.legs])
-        return np.where(away, between[:-1], between[1:]), np.where(away, 1.0, -1.0), between
+        return self.batch.anchors(self._cumulative, self.start, self.end)
 
     @property
     def nodes(self) -> np.ndarray:

@@ -19,7 +19,7 @@ from typing import ClassVar, Generic, TypeVar
 import numpy as np
 
 from varcalc.methods.first_integral.integrands import ReducedIntegrands
-from varcalc.numerics.one_coordinate.panels import Panels
+from varcalc.numerics.one_coordinate.panels import Cumulative, Panels
 
 F = TypeVar("F")
 
@@ -51,6 +51,17 @@ class CurveBatch:
     constant: np.ndarray
     excess: np.ndarray
     multipliers: np.ndarray
+
+    def cumulative(self, measured: CurveIntegrals) -> Cumulative:
+        """What the first of the curves covers along each leg from its anchor."""
+        return Cumulative([leg.panels for leg in self.legs], [d[0] for d in measured.dx])
+
+    def anchors(self, covered: Cumulative, first: float, last: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where legs have their anchors, the signs of the ways from these, and where legs meet, ends included."""
+        between = first + np.concatenate([[0.0], np.cumsum(covered.totals())])
+        between[-1] = last
+        away = np.array([leg.away for leg in self.legs])
+        return np.where(away, between[:-1], between[1:]), np.where(away, 1.0, -1.0), between
 
 
 @dataclass(frozen=True)

@@ -188,15 +188,12 @@ class RisingCurve(SentResampled):
 
     @cached_property
     def _cumulative(self) -> Cumulative:
-        return Cumulative([leg.panels for leg in self.batch.legs], [d[0] for d in self.measured.dx])
+        return self.batch.cumulative(self.measured)
 
     @cached_property
     def _heights(self) -> tuple[np.ndarray, np.ndarray]:
         """Ordinate of each leg's anchor, and the sign of the way from it."""
-        between = self.ordinates[0] + np.concatenate([[0.0], np.cumsum(self._cumulative.totals())])
-        between[-1] = self.ordinates[1]
-        away = np.array([leg.away for leg in self.batch.legs])
-        return np.where(away, between[:-1], between[1:]), np.where(away, 1.0, -1.0)
+        return self.batch.anchors(self._cumulative, *self.ordinates)[:2]
 
     @property
     def nodes(self) -> np.ndarray:
