@@ -281,6 +281,11 @@ def refused(solution: Solution, finding: Finding) -> Solution:
     return replace(solution, status=Status.REFUSED, verdict=finding.verdict, message=finding.sentence)
 
 
+def refusal(problem: Functional, method: Any, finding: Finding) -> Solution:
+    """No answer for what was found of a problem before any method was tried."""
+    return no_answer(problem, method, Status.REFUSED, finding.sentence, finding.verdict)
+
+
 def defined(solution: Solution, ordinates: np.ndarray) -> Solution:
     """The solution; no answer where its value, a claimed error or the ``ordinates`` at its nodes are no numbers.
 

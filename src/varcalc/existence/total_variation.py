@@ -25,7 +25,7 @@ from varcalc.numerics.mesh import CurveOrSlope, composite_gauss
 from varcalc.numerics.resampled import resampled
 from varcalc.problem.convexity import proved_jointly_convex
 from varcalc.problem.problem import Problem
-from varcalc.solution import Finding, Solution, Status, no_answer, refused
+from varcalc.solution import Finding, Solution, refusal
 from varcalc.symbolic.evaluation import PointEvaluator
 
 MET_TO = 1e-9
@@ -49,7 +49,7 @@ def least_by_lines(problem: Problem, method: Ritz) -> Solution | None:
         return None
     else:
         found = least_on_level(problem, lambda free: _least(free, method))
-    return refused(no_answer(problem, method, Status.REFUSED, ""), found) if isinstance(found, Finding) else found
+    return refusal(problem, method, found) if isinstance(found, Finding) else found
 
 
 def _least(problem: Problem, method: Ritz) -> Solution | Finding | None:

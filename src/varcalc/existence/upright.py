@@ -20,7 +20,7 @@ from varcalc.problem.breaks import integrals
 from varcalc.problem.conditions import Isoperimetric
 from varcalc.problem.functional import Functional, arguments_at
 from varcalc.problem.problem import Problem
-from varcalc.solution import Finding, Solution, Status, no_answer, refused
+from varcalc.solution import Finding, Solution, refusal
 from varcalc.symbolic.derived import answered
 
 DOUBTED = 1e-5
@@ -116,7 +116,7 @@ def not_attained(problem: Functional, method: Any) -> Solution | None:
         return None
     if any(problem.of_type(Isoperimetric)):
         finding = replace(finding, sentence=f"{finding.sentence}; {NO_GRAPH}: state the problem as a Curve")
-    return refused(no_answer(problem, method, Status.REFUSED, ""), finding)
+    return refusal(problem, method, finding)
 
 
 @answered

@@ -44,6 +44,7 @@ from varcalc.solution import (
     VariationalError,
     Verdict,
     no_answer,
+    refusal,
     refused,
 )
 from varcalc.solve.warm_start import resolved
@@ -210,7 +211,7 @@ def _without_room(problem: Functional, method: Method) -> Solution | None:
     levels = found is None and breakable(problem) and any(problem.of_type(Isoperimetric))
     if levels and (contradicted := sure_contradiction(problem)) is not None:
         found = contradicted.finding
-    return None if found is None else refused(no_answer(problem, method, Status.REFUSED, ""), found)
+    return None if found is None else refusal(problem, method, found)
 
 
 def _with_corners(problem: Functional, method: Method, tol: float) -> Solution | None:
@@ -331,7 +332,7 @@ def _hopeless(problem: Functional, method: Method) -> Solution | None:
     if (linear := _linear(problem, method)) is not None:
         return linear
     found = without_bound(problem) if proved_quadratic(problem) and any(singular_ends(problem)) else None
-    return None if found is None else refused(no_answer(problem, method, Status.REFUSED, ""), found)
+    return None if found is None else refusal(problem, method, found)
 
 
 def _linear(problem: Functional, method: Method) -> Solution | None:
