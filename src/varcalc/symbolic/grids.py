@@ -10,13 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import product
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from varcalc.symbolic.instructions import Call, Expression, interpret, operate
-from varcalc.symbolic.look_up import KEPT_TABLES, SAME_DEPTH, SAME_VALUE, knots
+from varcalc.symbolic.look_up import KEPT_TABLES, SAME_DEPTH, SAME_VALUE, InOneCell, knots
 from varcalc.symbolic.switches import tables
 
 DEGREES = (1, 3)
@@ -103,25 +102,25 @@ def on_grid(expression: Expression, position: Expression) -> OnGrid | None:
     arguments: list[Expression] = []
     strange: list[str] = []
 
-    def applied(operation: int, operands: Sequence[_OnGrid]) -> _OnGrid:
+    def applied(operation: int, operands: Sequence[InOneCell]) -> InOneCell:
         """The operation as it is, and in the cells of its tables."""
         written = operate(operation, [o.written for o in operands])
         if not isinstance(operation, Call):
             if all(o.written is o.in_cell for o in operands):
-                return _OnGrid(written, written)
-            return _OnGrid(written, operate(operation, [o.in_cell for o in operands]))
+                return InOneCell.plain(written)
+            return InOneCell(written, operate(operation, [o.in_cell for o in operands]))
         powers = _powers(operation.function) if _is_table(operation.function) else None
         if powers is None or any(o.written is not o.in_cell for o in operands):  # a table of what another gives
             strange.append(operation.function.name())
-            return _OnGrid(written, written)
+            return InOneCell.plain(written)
         axes = tuple(_number(arguments, o.written) for o in operands)
         found.append(GridTable(axes, knots(operation.function), powers))
         constants.append(ca.SX.sym(f"cell{len(found)}", len(axes) + powers.shape[-1]))
         values.append(ca.SX.sym(f"value{len(found)}"))
-        return _OnGrid(written, values[-1])
+        return InOneCell(written, values[-1])
 
-    given = [[_OnGrid(symbol, symbol) for symbol in position.elements()]]
-    ((result,),) = interpret(function, given, _plain, applied)
+    given = [[InOneCell.plain(symbol) for symbol in position.elements()]]
+    ((result,),) = interpret(function, given, lambda c: InOneCell.plain(ca.SX(c)), applied)
     if strange or not found:
         return None
     parts = [
@@ -132,11 +131,6 @@ def on_grid(expression: Expression, position: Expression) -> OnGrid | None:
         return None
     told, known, at = (ca.vertcat(*parts) for parts in (values, constants, arguments))
     return OnGrid(result.in_cell, told, position, known, at, tuple(found), edges)
-
-
-def _plain(value: float) -> _OnGrid:
-    number = ca.SX(value)
-    return _OnGrid(number, number)
 
 
 def _number(arguments: list[Expression], argument: Expression) -> int:
@@ -150,13 +144,6 @@ def _number(arguments: list[Expression], argument: Expression) -> int:
 
 def _is_table(function: ca.Function) -> bool:
     return bool(knots(function)) and function.n_in() == function.n_out() == function.nnz_out(0) == 1
-
-
-class _OnGrid(NamedTuple):
-    """An expression as it was written, and in one cell of every table."""
-
-    written: Expression
-    in_cell: Expression
 
 
 def _polynomial(constants: Expression, arguments: Sequence[Expression]) -> Callable[[Sequence[int]], Expression]:

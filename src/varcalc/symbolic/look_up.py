@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -278,12 +278,12 @@ def in_cells(expression: Expression, symbols: Expression) -> InCells:
     tables: list[CubicTable] = []
     constants: list[Expression] = []
 
-    def applied(operation: int, operands: Sequence[_InCell]) -> _InCell:
+    def applied(operation: int, operands: Sequence[InOneCell]) -> InOneCell:
         """The operation as it is, and in a cell of its tables."""
         written = operate(operation, [o.written for o in operands])
         powers = _cubics(operation.function) if isinstance(operation, Call) else None
         if not isinstance(operation, Call) or powers is None:
-            return _InCell(written, operate(operation, [o.in_cell for o in operands]))
+            return InOneCell(written, operate(operation, [o.in_cell for o in operands]))
         table = CubicTable(operands[0].written, knots(operation.function)[0], powers)
         number = next((k for k, known in enumerate(tables) if known.same(table)), len(tables))
         if number == len(tables):
@@ -291,20 +291,25 @@ def in_cells(expression: Expression, symbols: Expression) -> InCells:
             constants.append(ca.SX.sym(f"cell{number}", CUBIC))
         knot, a, b, c, d = constants[number].elements()
         above = operands[0].in_cell - knot
-        return _InCell(written, a + above * (b + above * (c + above * d)))
+        return InOneCell(written, a + above * (b + above * (c + above * d)))
 
-    given = [[_InCell(symbol, symbol) for symbol in symbols.elements()]]
-    (results,) = interpret(function, given, lambda c: _InCell(ca.SX(c), ca.SX(c)), applied)
+    given = [[InOneCell.plain(symbol) for symbol in symbols.elements()]]
+    (results,) = interpret(function, given, lambda c: InOneCell.plain(ca.SX(c)), applied)
     return InCells(
         ca.vertcat(*(r.in_cell for r in results)), symbols, ca.vertcat(ca.SX(0, 1), *constants), tuple(tables)
     )
 
 
-class _InCell(NamedTuple):
+class InOneCell(NamedTuple):
     """An expression as it was written, and in one cell of every table."""
 
     written: Expression
     in_cell: Expression
+
+    @classmethod
+    def plain(cls, expression: Expression) -> Self:
+        """One in which there is no table."""
+        return cls(expression, expression)
 
 
 @lru_cache(maxsize=KEPT_TABLES)
