@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -50,11 +50,16 @@ NUMBER, WHOLE = b"d", b"J"
 
 def within_knots(expression: ca.SX) -> ca.SX:
     """The expression with the tables in it made no numbers beyond their knots."""
+    return _rewritten(expression, _operate)
+
+
+def _rewritten(expression: ca.SX, applied: Callable[[Any, Sequence[ca.SX]], ca.SX]) -> ca.SX:
+    """The expression with operations as they are ``applied``; as it is where it calls no function."""
     variables = ca.vertcat(*ca.symvar(expression))
     function = ca.Function("read", [variables], [expression])
     if ca.OP_CALL not in map(function.instruction_id, range(function.n_instructions())):
         return expression
-    ((result,),) = interpret(function, [variables.elements()], ca.SX, _operate)
+    ((result,),) = interpret(function, [variables.elements()], ca.SX, applied)
     return result
 
 
@@ -89,10 +94,6 @@ def as_sums(expression: ca.SX, watched: Expression) -> ca.SX:
     All that is there for kinks that are written as such treats those. What is added to the sum is zero, and no number
     beyond the knots.
     """
-    variables = ca.vertcat(*ca.symvar(expression))
-    function = ca.Function("read", [variables], [expression])
-    if ca.OP_CALL not in map(function.instruction_id, range(function.n_instructions())):
-        return expression
 
     def applied(operation: int, operands: Sequence[ca.SX]) -> ca.SX:
         """The operation, or the sum of lines in the place of a table."""
@@ -103,8 +104,7 @@ def as_sums(expression: ca.SX, watched: Expression) -> ca.SX:
         bent = sum(c * ca.fabs(u - k) for k, c in zip(places.tolist(), bends.tolist(), strict=True))
         return level + slope * u + bent + Call.of(_zero(*ends), 0)([u], ca.SX)
 
-    ((result,),) = interpret(function, [variables.elements()], ca.SX, applied)
-    return result
+    return _rewritten(expression, applied)
 
 
 class _Lines(NamedTuple):
