@@ -14,7 +14,7 @@ import numpy as np
 
 from varcalc.methods.first_integral.energy import EnergyLines
 from varcalc.methods.first_integral.lines import Arc, CurveBatch
-from varcalc.numerics.one_coordinate.panels import COARSE, GRADED, TOWARD, WHOLE, Panels
+from varcalc.numerics.one_coordinate.panels import GRADED, TOWARD, WHOLE, Panels
 from varcalc.numerics.roots import edges, least
 from varcalc.numerics.runs import runs
 
@@ -85,11 +85,7 @@ class Orbits:
     def batch(self, parameter: np.ndarray, multipliers: np.ndarray) -> CurveBatch:
         """The curves for parameters (curves,) and multipliers (constraints, curves)."""
         legs, constant, excess = (self._turning if self.side else self._monotone)(parameter, multipliers)
-        if self.panels:
-            legs = [replace(leg, panels=p) for leg, p in zip(legs, self.panels, strict=True)]
-        elif self.coarse:
-            legs = [replace(leg, panels=COARSE) for leg in legs]
-        return CurveBatch(tuple(legs), constant, excess, multipliers)
+        return CurveBatch(tuple(legs), constant, excess, multipliers).by_rules(self.panels, coarse=self.coarse)
 
     def _monotone(self, parameter: np.ndarray, multipliers: np.ndarray) -> tuple[list[Arc], np.ndarray, np.ndarray]:
         first, last = self.points.known

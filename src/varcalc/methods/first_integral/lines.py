@@ -13,13 +13,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 
 from varcalc.methods.first_integral.integrands import ReducedIntegrands
-from varcalc.numerics.one_coordinate.panels import Cumulative, Panels
+from varcalc.numerics.one_coordinate.panels import COARSE, Cumulative, Panels
 
 F = TypeVar("F")
 
@@ -51,6 +51,13 @@ class CurveBatch:
     constant: np.ndarray
     excess: np.ndarray
     multipliers: np.ndarray
+
+    def by_rules(self, panels: tuple[Panels, ...], *, coarse: bool) -> CurveBatch:
+        """The same with the rules of the legs where there are any, or ``coarse`` ones."""
+        rules = panels or ((COARSE,) * len(self.legs) if coarse else ())
+        if not rules:
+            return self
+        return replace(self, legs=tuple(replace(leg, panels=p) for leg, p in zip(self.legs, rules, strict=True)))
 
     def cumulative(self, measured: CurveIntegrals) -> Cumulative:
         """What the first of the curves covers along each leg from its anchor."""

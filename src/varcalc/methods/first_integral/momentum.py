@@ -18,7 +18,6 @@ import numpy as np
 
 from varcalc.methods.first_integral.lines import Arc, CurveBatch, CurveIntegrals, Lines
 from varcalc.numerics.one_coordinate.panels import (
-    COARSE,
     QUADRATIC,
     TOWARD,
     WHOLE,
@@ -150,13 +149,10 @@ class Rising:
                 full, length = np.full(parameter.shape, anchor), np.full(parameter.shape, 0.5 * (other - anchor))
                 panels, end = (TOWARD, anchor) if singular else (WHOLE, None)
                 legs.append(Arc(full, length, 1.0, away, None, panels, end))
-        if self.panels:
-            legs = [replace(leg, panels=p) for leg, p in zip(legs, self.panels, strict=True)]
-        elif self.coarse:
-            legs = [replace(leg, panels=COARSE) for leg in legs]
         at = np.full(parameter.shape, self.reference)
         constant = self.lines.momentum(at, parameter, multipliers) * np.ones_like(at)
-        return CurveBatch(tuple(legs), constant, np.zeros_like(at), multipliers)
+        batch = CurveBatch(tuple(legs), constant, np.zeros_like(at), multipliers)
+        return batch.by_rules(self.panels, coarse=self.coarse)
 
 
 def rising(momentum: Momentum, points: Abscissae, upward: bool, multipliers: np.ndarray) -> Rising:
