@@ -19,7 +19,7 @@ import numpy as np
 from varcalc.formulation import Form
 from varcalc.integrators import Variational, variational
 from varcalc.problem.lagrangian import Lagrangian
-from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.evaluation import PointEvaluator, in_columns
 from varcalc.symbolic.tracing import Expression
 
 INSIDE = 16 * float(np.finfo(float).eps)
@@ -134,6 +134,13 @@ class EulerLagrangeFlow:
         terms = [self.form.functional, *(c.expression for c in self.form.conditions.integrals)]
         by_unknowns = ca.gradient(self.lagrangian.expression, self.form.symbols.unknowns)
         return self.function("densities", [ca.vertcat(*terms, by_unknowns)])
+
+    def densities_roughly(self, s: np.ndarray, y: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """What is integrated, at s (m,), by the form's first numbers and straight on as far as derivatives go."""
+        form = self.form
+        numbers = [form.problem.parameter_values, form.start.unknowns, np.zeros(len(form.conditions.integrals))]
+        higher = [np.zeros_like(slopes)] * (2 * form.order - 2)
+        return np.asarray(self.densities(s[None, :], y, slopes, *higher, *in_columns(len(s), *numbers)))
 
     @cached_property
     def residual(self) -> ca.Function:

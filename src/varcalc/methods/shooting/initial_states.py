@@ -45,10 +45,7 @@ def scales(equations: EulerLagrangeFlow, curve: Sampled) -> Scales:
     largest = float(ordinates.max()) or height(form)
     ordinates = np.where(ordinates > 1e-3 * largest, ordinates, largest)
     middle, slopes = s[1:-1], np.gradient(values, s, axis=1)[:, 1:-1]
-    tower = [values[:, 1:-1], slopes] + [np.zeros_like(slopes)] * (2 * form.order - 2)
-    numbers = [form.problem.parameter_values, form.start.unknowns, np.zeros(len(form.conditions.integrals))]
-    columns = in_columns(len(middle), *numbers)
-    densities = np.abs(np.asarray(equations.densities(middle[None, :], *tower, *columns))) * width
+    densities = np.abs(equations.densities_roughly(middle, values[:, 1:-1], slopes)) * width
     densities = np.where(np.isfinite(densities), densities, 0.0).max(axis=1)
     return Scales(ordinates, np.where(densities > 0, densities, densities.max() or 1.0))
 

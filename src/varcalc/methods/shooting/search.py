@@ -27,7 +27,6 @@ from varcalc.methods.shooting.regular_arc import RegularEnd, Work
 from varcalc.methods.shooting.segments import Mismatch, Segments
 from varcalc.methods.shooting.shot_extremal import value_of
 from varcalc.methods.shooting.shots import Failure
-from varcalc.symbolic.evaluation import in_columns
 
 MOST_GROWTH = math.exp(10.0)
 """Growth of errors across a segment beyond which it is cut in two."""
@@ -212,12 +211,8 @@ class Search:
         form = self.equations.form
         s = np.linspace(*form.span, 2 * GROWTH_POINTS - 1)
         middle, width = 0.5 * (s[1:] + s[:-1]), np.diff(s)
-        values = curve(s)
-        tower = [curve(middle), np.diff(values, axis=1) / width]
-        tower += [np.zeros_like(tower[0])] * (2 * form.order - 2)
-        numbers = [form.problem.parameter_values, form.start.unknowns, np.zeros(len(form.conditions.integrals))]
-        columns = in_columns(len(middle), *numbers)
-        return float(np.asarray(self.equations.densities(middle[None, :], *tower, *columns))[1] @ width)
+        slopes = np.diff(curve(s), axis=1) / width
+        return float(self.equations.densities_roughly(middle, curve(middle), slopes)[1] @ width)
 
     def _attempt(self, start: ShootingStart, budget: int) -> Found | NoneFound:
         """Newton from one starting curve, cutting segments where that is called for; ``budget`` 0 is the usual one.
