@@ -38,8 +38,8 @@ from varcalc.certificates.curve import (
     sampled,
     state_sizes,
 )
-from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, without_enclosure
+from varcalc.certificates.integrals import Unproved, check_enclosed
+from varcalc.certificates.jets import Jet
 from varcalc.certificates.smooth import Undecided
 from varcalc.certificates.statement import Statement, statement
 from varcalc.certificates.summands import summands
@@ -145,9 +145,7 @@ class DualBound:
         """Prove that all is convex but polynomials of one slope, and no operation unknown; Unproved where it is not."""
         rest, terms = self._split
         for stated in (rest, *(t.stated for t in terms)):
-            strange = without_enclosure(stated.function)
-            if strange:
-                raise Unproved(f"the Lagrangian holds {strange}, of which no enclosure is known")
+            check_enclosed(stated.function, "the Lagrangian")
         of_slopes = self._polynomials
         if not all(map(self._convex, [rest, *(t.stated for t in terms if t.place not in of_slopes)])):
             raise Unproved(NOT_CONVEX)

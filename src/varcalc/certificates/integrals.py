@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import casadi as ca
 import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Box, Series, coefficient, enclosed, flint, integral, largest
 from varcalc.certificates.curve import Piece
 from varcalc.certificates.field import dynamics
+from varcalc.certificates.jets import without_enclosure
 from varcalc.certificates.smooth import Undecided, head
 from varcalc.certificates.statement import Statement
 
@@ -34,6 +36,12 @@ SHORT_ENOUGH = 2.0**-4
 
 class Unproved(Exception):
     """An inequality that a certificate needs is not proved; the message says which, and where."""
+
+
+def check_enclosed(function: ca.Function, of: str) -> None:
+    """Unproved where a function ``of`` something holds an operation that no enclosure is known of."""
+    if strange := without_enclosure(function):
+        raise Unproved(f"{of} holds {strange}, of which no enclosure is known")
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ import numpy as np
 from varcalc.certificates.balls import Around, Ball, Box, Series, enclosed, flint, largest, solved
 from varcalc.certificates.certificate import Hypothesis, Means
 from varcalc.certificates.curve import Piece, fitted, in_powers, nodes_within, own_variable, polynomial_at
-from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, jets, without_enclosure
+from varcalc.certificates.integrals import Unproved, check_enclosed
+from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import Setting
 from varcalc.certificates.smooth import Undecided, head
@@ -141,9 +141,7 @@ class Pathwise:
     @cached_property
     def _program(self) -> Program:
         function = ca.Function("phi", self.along.symbols.all, [ca.densify(ca.vertcat(*self.equations))])
-        strange = without_enclosure(function)
-        if strange:
-            raise Unproved(f"a condition along the curve holds {strange}, of which no enclosure is known")
+        check_enclosed(function, "a condition along the curve")
         return Program(function)
 
     def _jets(self, stated: Statement, x: Any, states: Sequence[Any], order: int) -> list[Jet]:

@@ -22,8 +22,7 @@ from varcalc.certificates.curve import (
     state_sizes,
 )
 from varcalc.certificates.ends import tied
-from varcalc.certificates.integrals import Along, Unproved, along_curve
-from varcalc.certificates.jets import without_enclosure
+from varcalc.certificates.integrals import Along, Unproved, along_curve, check_enclosed
 from varcalc.certificates.statement import Statement, statement
 from varcalc.formulation.graph import graph_form
 from varcalc.methods.answer import Extremal
@@ -68,9 +67,7 @@ def setting_along(along: AlongCurve, value: float, beside: Any = 0, *, as_found:
     it is to be taken ``as_found``.
     """
     stated = statement(along, beside)
-    strange = without_enclosure(stated.function)
-    if strange:
-        raise Unproved(f"the Lagrangian holds {strange}, of which no enclosure is known")
+    check_enclosed(stated.function, "the Lagrangian")
     samples = sampled(stated)
     if not as_found:
         stated, samples = stationary(stated, samples)

@@ -30,8 +30,7 @@ from varcalc.certificates.curve import Piece, joint_states, pieces, sampled_on
 from varcalc.certificates.eigenfunctions import Eigenfunctions, eigenfunctions
 from varcalc.certificates.ends import prove_ends
 from varcalc.certificates.inequalities import with_multipliers
-from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import without_enclosure
+from varcalc.certificates.integrals import Unproved, check_enclosed
 from varcalc.certificates.proof import BITS, EXPRESSION, SERIES_LENGTH
 from varcalc.certificates.rayleigh import homogeneous
 from varcalc.certificates.setting import setting_along
@@ -161,8 +160,7 @@ def _proof(problem: Problem, count: int, told: Telling) -> Iterator[Eigenvalue]:
     """The eigenvalues, one after the other."""
     plain = _along(problem, 0.0)
     stated = statement(plain)
-    if without_enclosure(stated.function):
-        raise Unproved(f"the Lagrangian holds {without_enclosure(stated.function)}, of which no enclosure is known")
+    check_enclosed(stated.function, "the Lagrangian")
     if ca.depends_on(plain.integrals[0], plain.symbols.dy):
         raise Unproved("the prescribed integrand depends on the slope")
     told(0, None, "eigenfunctions")

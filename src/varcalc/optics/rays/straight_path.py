@@ -19,8 +19,8 @@ import numpy as np
 
 from varcalc.certificates.balls import Ball, above, below, flint, working
 from varcalc.certificates.certificate import Hypothesis, Means, ProvedInterval, decimals
-from varcalc.certificates.integrals import Unproved
-from varcalc.certificates.jets import Jet, jets, without_enclosure
+from varcalc.certificates.integrals import Unproved, check_enclosed
+from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.smooth import Undecided
 from varcalc.certificates.stationary import LagrangeFunction
 from varcalc.optics.media.medium import Medium
@@ -143,9 +143,7 @@ class _Chain:
 
 def _program(name: str, arguments: list[Any], results: list[Any]) -> Program:
     function = ca.Function(name, arguments, [ca.densify(ca.SX(r)) for r in results])
-    strange = without_enclosure(function)
-    if strange:
-        raise Unproved(f"a surface or an index holds {strange}, of which no enclosure is known")
+    check_enclosed(function, "a surface or an index")
     return Program(function)
 
 
