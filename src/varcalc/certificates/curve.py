@@ -103,6 +103,15 @@ class Piece:
         return states, rows[-1]
 
 
+def widened(
+    statement: Statement, states: Sequence[Series], controls: Sequence[Series], moved: Sequence[Ball]
+) -> tuple[list[Series], list[Series]]:
+    """States and controls of a piece, each with all that it is when ``moved`` by no more than that."""
+    room = [flint().arb(0, 1) * far for far in moved]
+    wide = [v + far for v, far in zip(states, room[: statement.bare], strict=True)]
+    return wide, [v + far for v, far in zip(controls, room[statement.states :], strict=True)]
+
+
 def sampled(statement: Statement) -> list[Samples]:
     """The solution's curve at the nodes of pieces on which it is resolved."""
     edges = edges_at_crossings(statement, _edges(statement))

@@ -32,6 +32,7 @@ from varcalc.certificates.curve import (
     own_variable,
     polynomial_at,
     sampled,
+    widened,
 )
 from varcalc.certificates.integrals import Unproved
 from varcalc.certificates.jets import Jet, jets
@@ -295,11 +296,10 @@ class Kinked:
 
     def _on(self, stated: Statement, piece: Piece, box: Box, moved: Sequence[Ball]) -> list[list[Ball]]:
         """The factors and the arguments of the kinks on a box."""
-        around, room = Around(box, 1, whole=True), [flint().arb(0, 1) * far for far in moved]
+        around = Around(box, 1, whole=True)
         states, controls = piece.lifted(around)
         if stated.levels:
-            states = [v + far for v, far in zip(states, room[: stated.bare], strict=True)]
-            controls = [v + far for v, far in zip(controls, room[stated.states :], strict=True)]
+            states, controls = widened(stated, states, controls, moved)
         arguments = stated.arguments(Jet(around.abscissa()), [Jet(s) for s in states], [Jet(s) for s in controls])
         return [[flint().arb(0) + head(jet.value) for jet in row] for row in jets(self._program, arguments[:-2], 0)]
 

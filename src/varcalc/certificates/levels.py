@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Poly, Series, above, flint, integral, most, solved
-from varcalc.certificates.curve import end_values
+from varcalc.certificates.curve import end_values, widened
 from varcalc.certificates.integrals import Along, Unproved
 from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.setting import Setting
@@ -247,15 +247,13 @@ def meeting(setting: Setting) -> Meeting:
 def grown(setting: Setting, far: Sequence[Ball]) -> list[Ball]:
     """By how much what is integrated to levels, up to any x, differs where states and controls do by ``far``."""
     stated, found = setting.statement, flint()
-    room = [found.arb(0, 1) * size for size in far]
     total = [found.arb(0)] * stated.levels
     for k, box in setting.along.boxes:
         around = Around(box, 1, whole=True)
         states, controls = setting.pieces[k].lifted(around)
-        near = [[v + w for v, w in zip(values, part, strict=False)]
-                for values, part in ((states, room), (controls, room[stated.states :]))]  # fmt: skip
+        near = widened(stated, states, controls, far)
         places = [*range(stated.bare), *range(stated.states, stated.states + stated.n)]
-        for j, jet in enumerate(stated.level_jets(around.abscissa(), near[0], near[1], 1)):
+        for j, jet in enumerate(stated.level_jets(around.abscissa(), *near, 1)):
             rate = sum(
                 (abs(head(jet.first.get(i, 0) * far[p] + found.arb(0))) for i, p in enumerate(places)), found.arb(0)
             )

@@ -12,9 +12,9 @@ import casadi as ca
 import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Poly, Series, coefficient, flint, nodes, polynomial
-from varcalc.certificates.curve import CURVE_DEGREE, Piece, end_values, integrated, nodes_within
-from varcalc.certificates.integrals import Unproved, along_curve
-from varcalc.certificates.jets import Jet, jets, without_enclosure
+from varcalc.certificates.curve import CURVE_DEGREE, Piece, end_values, integrated, nodes_within, widened
+from varcalc.certificates.integrals import Unproved, along_curve, check_enclosed
+from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.levels import meeting
 from varcalc.certificates.nearness import Attained
 from varcalc.certificates.setting import VALUE_TOLERANCE, Setting
@@ -236,9 +236,7 @@ class Within:
     def _program(self) -> Program:
         along = self._along
         function = ca.Function("bounds", along.symbols.all, [ca.vertcat(*along.paths)])
-        strange = without_enclosure(function)
-        if strange:
-            raise Unproved(f"a bound holds {strange}, of which no enclosure is known")
+        check_enclosed(function, "a bound")
         return Program(function)
 
     def _within(self, stated: Statement, pieces: Sequence[Piece], k: int, moved: Sequence[Ball]) -> bool:
@@ -271,9 +269,7 @@ class Within:
             given = zip(states, stated.held[end], stated.values[end].tolist(), strict=False)
             states = [_beginning(s, at) if held else s for s, held, at in given]
         if moved:
-            room = [flint().arb(0, 1) * far for far in moved]
-            states = [v + far for v, far in zip(states, room[: stated.bare], strict=True)]
-            controls = [v + far for v, far in zip(controls, room[stated.states :], strict=True)]
+            states, controls = widened(stated, states, controls, moved)
         arguments = stated.arguments(Jet(around.abscissa()), [Jet(s) for s in states], [Jet(s) for s in controls])
         return [flint().arb_series([0], around.terms) + jet.value for jet in jets(self._program, arguments[:-2], 0)[0]]
 
