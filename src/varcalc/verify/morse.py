@@ -61,13 +61,9 @@ class JacobiEquation(Check[JacobiIndex]):
     def findings(self, candidate: Candidate) -> Iterator[Finding]:
         """The index by this route, or why it is closed."""
         measured = candidate.measured(self)
-        if not candidate.measured(LegendreCondition()).leaves_open:
-            return
-        if measured.index is None:
-            yield Finding(None, f"Jacobi's equation was not used: {measured.reason}")
-        else:
+        if candidate.measured(LegendreCondition()).leaves_open:
             sentence = f"Jacobi's equation gives the index {measured.index}: {measured.account}"
-            yield Finding(None, sentence, {"index": float(measured.index)})
+            yield measured.finding("Jacobi's equation", sentence)
 
 
 def index_by_jacobi(along: AlongCurve) -> JacobiIndex:

@@ -53,13 +53,9 @@ class RitzHessian(Check[Index]):
     def findings(self, candidate: Candidate) -> Iterator[Finding]:
         """The index by this route, or why it is closed."""
         measured = candidate.measured(self)
-        if not candidate.measured(LegendreCondition()).leaves_open:
-            return
-        if measured.index is None:
-            yield Finding(None, f"the Hessian of the discretised functional was not used: {measured.reason}")
-        else:
-            sentence = f"the Hessian of the discretised functional has {measured.index} negative eigenvalues"
-            yield Finding(None, sentence, {"index": float(measured.index)})
+        if candidate.measured(LegendreCondition()).leaves_open:
+            route = "the Hessian of the discretised functional"
+            yield measured.finding(route, f"{route} has {measured.index} negative eigenvalues")
 
 
 def index_by_ritz(extremal: Extremal) -> Index:

@@ -169,6 +169,12 @@ class Index:
     nullity: int
     reason: str
 
+    def finding(self, route: str, sentence: str) -> Finding:
+        """What a ``sentence`` tells of the index, or why the ``route`` to it was closed."""
+        if self.index is None:
+            return Finding(None, f"{route} was not used: {self.reason}")
+        return Finding(None, sentence, {"index": float(self.index)})
+
 
 def signs(form: np.ndarray) -> tuple[int, int]:
     """Numbers of negative and of zero eigenvalues of a symmetric matrix in balanced units."""
