@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
@@ -55,12 +56,17 @@ class Joined:
     multipliers: np.ndarray
     measured: CurveIntegrals
 
+    @classmethod
+    def of(cls, family: CurveFamily, parameter: float, multipliers: np.ndarray) -> Joined:
+        """The curve of one parameter, measured."""
+        measured = family.lines.measure(family.batch(np.array([parameter]), multipliers[:, None]))
+        return cls(family, parameter, multipliers, measured)
+
     @property
     def batch(self) -> CurveBatch:
         """The curve as a batch of one."""
         return self.family.batch(np.array([self.parameter]), self.multipliers[:, None])
 
-
-def measure_one(family: CurveFamily, parameter: float, multipliers: np.ndarray) -> CurveIntegrals:
-    """What the curve of one parameter integrates to."""
-    return family.lines.measure(family.batch(np.array([parameter]), multipliers[:, None]))
+    def ruled(self, panels: Sequence[Panels]) -> Joined:
+        """The same curve by other rules."""
+        return Joined.of(self.family.ruled(tuple(panels)), self.parameter, self.multipliers)

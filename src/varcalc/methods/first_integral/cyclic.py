@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from varcalc.methods.first_integral.answers import EndValues, Evaluate
-from varcalc.methods.first_integral.contract import Aim, Joined, measure_one
+from varcalc.methods.first_integral.contract import Aim, Joined
 from varcalc.methods.first_integral.isoperimetric import LevelStart
 from varcalc.methods.first_integral.lines import CurveBatch
 from varcalc.methods.first_integral.momentum import SLOPE_GRID, Abscissae, Momentum, Rising, RisingCurve, rising
@@ -79,7 +79,7 @@ class Cyclic(Reduction):
         parameter = scanned_root(momentum, float(SLOPE_GRID[0]), float(SLOPE_GRID[-1]), 0.0)
         if parameter is None:
             return []
-        return [Joined(family, parameter, np.zeros(0), measure_one(family, parameter, np.zeros(0)))]
+        return [Joined.of(family, parameter, np.zeros(0))]
 
     def from_start(self, ends: EndValues, start: LevelStart) -> Iterator[Joined]:
         """Newton's method from the slope the start has at the reference."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from varcalc.methods.first_integral.contract import Joined, measure_one
+from varcalc.methods.first_integral.contract import Joined
 from varcalc.methods.first_integral.hidden import hiding
 from varcalc.methods.first_integral.lines import CurveIntegrals
 from varcalc.numerics.one_coordinate.panels import GRADED, DistanceMap, Panels, tails
@@ -33,7 +33,7 @@ def refined_panels(joined: Joined) -> tuple[Panels, ...] | None:
     given = _panels(joined)
     best = _bisected(joined)
     toward = _toward_ends(_panels(best))
-    closer = _ruled(joined, toward)
+    closer = joined.ruled(toward)
     if np.isfinite(closer.measured.x[0]) and (
         max(_changes(best.measured, closer.measured)) > MISSED
         or any(e[0] > ALLOWED for e in _leg_errors(best.measured))
@@ -48,13 +48,6 @@ def _panels(joined: Joined) -> tuple[Panels, ...]:
     return tuple(leg.panels for leg in joined.batch.legs)
 
 
-def _ruled(joined: Joined, panels: Sequence[Panels]) -> Joined:
-    """The same curve by other rules."""
-    family = joined.family.ruled(tuple(panels))
-    measured = measure_one(family, joined.parameter, joined.multipliers)
-    return Joined(family, joined.parameter, joined.multipliers, measured)
-
-
 def _total(measured: CurveIntegrals) -> float:
     """The relative quadrature error that the coefficients of the integrands tell."""
     return sum(float(e.sum()) for e in _leg_errors(measured))
@@ -66,7 +59,7 @@ def unseen(joined: Joined) -> tuple[float, float]:
     A rule cannot tell from its own points that the integrand changes between the anchor and the first of them, as it
     does where L is infinite just beyond an end.
     """
-    closer = _ruled(joined, _toward_ends(_panels(joined))).measured
+    closer = joined.ruled(_toward_ends(_panels(joined))).measured
     changes = _changes(joined.measured, closer)
     if max(changes) <= MISSED:
         return 0.0, 0.0
@@ -118,7 +111,7 @@ def _bisected(joined: Joined) -> Joined:
             return given
         if not any(m.any() for m in marks) or stale > 1 or too_many:
             break
-        joined = _ruled(joined, [_improved(p, m) for p, m in zip(panels, marks, strict=True)])
+        joined = joined.ruled([_improved(p, m) for p, m in zip(panels, marks, strict=True)])
         if not np.isfinite(joined.measured.x[0]):
             break
     return best
@@ -136,7 +129,7 @@ def _seeing(joined: Joined) -> Joined | None:
         panels = [p.split(m) if m.any() else p for p, m in zip(_panels(joined), marks, strict=True)]
         if sum(p.count for p in panels) > joined.family.lines.most_panels:
             return None
-        joined = _ruled(joined, panels)
+        joined = joined.ruled(panels)
     return joined
 
 

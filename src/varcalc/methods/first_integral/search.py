@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from varcalc.methods.first_integral.contract import Aim, CurveFamily, Joined, measure_one
+from varcalc.methods.first_integral.contract import Aim, CurveFamily, Joined
 from varcalc.methods.first_integral.lines import CurveIntegrals
 from varcalc.methods.first_integral.refinement import refined_panels
 from varcalc.numerics.roots import EPSILON, scanned_root
@@ -63,11 +63,11 @@ def _at_edge(family: CurveFamily, sample: np.ndarray, aim: Aim) -> list[Joined]:
     """A curve at or near the edge of its family, where it turns at an end and the coarse rule may mistake its side."""
     none, target, edge = np.zeros(0), aim.target, float(sample[0])
     assert target is not None
-    here = Joined(family, edge, none, measure_one(family, edge, none))
+    here = Joined.of(family, edge, none)
     panels = refined_panels(here)
     if panels is not None:
         family = family.ruled(panels)
-        here = Joined(family, edge, none, measure_one(family, edge, none))
+        here = Joined.of(family, edge, none)
     miss = float(here.measured.x[0]) - target
     if abs(miss) <= LOST_CURVE * aim.size:
         return [here]
@@ -186,8 +186,7 @@ def refined(found: Joined, aim: Aim) -> Joined | None:
             break
         family = found.family if panels is None else found.family.ruled(panels)
         if aim.target is None:
-            again = measure_one(family, found.parameter, found.multipliers)
-            return Joined(family, found.parameter, found.multipliers, again)
+            return Joined.of(family, found.parameter, found.multipliers)
         better = solved(family, found.parameter, found.multipliers, aim, LOST_CURVE)
         if better is None:
             return None
