@@ -68,10 +68,7 @@ def stationary(stated: Statement, samples: list[Samples]) -> tuple[Statement, li
 
 
 def _moved(stated: Statement, samples: Sequence[Samples], step: WayToExtremal) -> tuple[Statement, list[Samples]]:
-    parts = [
-        (float(s.x[0]), float(s.x[-1]), s.states[: stated.n] + w[: stated.n])
-        for s, w in zip(samples, step.states, strict=True)
-    ]
+    parts = [(s.start, s.end, s.states[: stated.n] + w[: stated.n]) for s, w in zip(samples, step.states, strict=True)]
     along = replace(
         stated.along,
         evaluate=through(parts),

@@ -70,9 +70,19 @@ class Samples:
     """Gradients (N + 1, levels, ...) of what is integrated to levels, by the other states and the controls."""
 
     @property
+    def start(self) -> float:
+        """Where the piece begins."""
+        return float(self.x[0])
+
+    @property
+    def end(self) -> float:
+        """Where it ends."""
+        return float(self.x[-1])
+
+    @property
     def half(self) -> float:
-        """Half the length of the piece."""
-        return 0.5 * float(self.x[-1] - self.x[0])
+        """Half its length."""
+        return 0.5 * (self.end - self.start)
 
 
 @dataclass(frozen=True)
@@ -125,9 +135,9 @@ def sampled(statement: Statement) -> list[Samples]:
         ]
         if not coarse:
             break
-        halves = [(s, 0.5 * float(s.x[0] + s.x[-1])) for s in coarse]
-        parts = [_samples(statement, a, b) for s, c in halves for a, b in ((float(s.x[0]), c), (c, float(s.x[-1])))]
-        done = sorted([s for s in done if not any(s is c for c in coarse)] + parts, key=lambda s: float(s.x[0]))
+        halves = [(s, 0.5 * (s.start + s.end)) for s in coarse]
+        parts = [_samples(statement, a, b) for s, c in halves for a, b in ((s.start, c), (c, s.end))]
+        done = sorted([s for s in done if not any(s is c for c in coarse)] + parts, key=lambda s: s.start)
     return carried_on(statement, done)
 
 
@@ -149,9 +159,14 @@ def _edges(statement: Statement) -> list[float]:
 
 def at_crossings(statement: Statement, samples: list[Samples]) -> list[Samples]:
     """The samples on pieces that meet where the curve crosses what H switches on."""
-    edges = [float(s.x[0]) for s in samples] + [float(samples[-1].x[-1])]
+    edges = edges_of(samples)
     moved = edges_at_crossings(statement, edges)
     return samples if moved == edges else sampled_on(statement, moved)
+
+
+def edges_of(samples: Sequence[Samples]) -> list[float]:
+    """Where pieces begin, and where the last of them ends."""
+    return [*(s.start for s in samples), samples[-1].end]
 
 
 def sampled_on(statement: Statement, edges: Sequence[float]) -> list[Samples]:
@@ -284,7 +299,7 @@ def joint_states(statement: Statement, samples: list[Samples]) -> np.ndarray:
 def held_inside(statement: Statement, samples: list[Samples]) -> list[tuple[int, np.ndarray]]:
     """The numbers of the pieces that begin at waypoints, with the values demanded there."""
     waypoints = statement.waypoints
-    return [(k, waypoints[at]) for k, s in enumerate(samples) if k and (at := float(s.x[0])) in waypoints]
+    return [(k, waypoints[at]) for k, s in enumerate(samples) if k and (at := s.start) in waypoints]
 
 
 def pieces(statement: Statement, samples: list[Samples], joints: np.ndarray) -> list[Piece]:
@@ -295,7 +310,7 @@ def pieces(statement: Statement, samples: list[Samples], joints: np.ndarray) -> 
     found = flint()
     built = []
     for k, s in enumerate(samples):
-        a, b = found.arb(float(s.x[0])), found.arb(float(s.x[-1]))
+        a, b = found.arb(s.start), found.arb(s.end)
         centre, half = (a + b) / 2, (b - a) / 2
         functions = [
             _function(s.states[i], joints[k, i::n][:order], joints[k + 1, i::n][:order], half) for i in range(n)
@@ -371,7 +386,7 @@ def _carried(samples: list[Samples], i: int, known: list[float | None], *, ring:
 
     ``ring`` tells that the last is the first. Where neither end is known their mean is that of the samples.
     """
-    x = np.array([float(s.x[0]) for s in samples] + [float(samples[-1].x[-1])])
+    x = np.array(edges_of(samples))
     own = np.array([s.momenta[i, 0] for s in samples])
     grown = np.r_[0.0, np.cumsum([s.momenta[i, -1] - s.momenta[i, 0] for s in samples])]
     lengths, (first, last) = np.diff(x), known
@@ -419,7 +434,7 @@ def end_values(statement: Statement, joints: np.ndarray) -> tuple[list[Ball], li
 def state_sizes(samples: Sequence[Samples], statement: Statement) -> np.ndarray:
     """A power of two of the size of each state, (m,): one for all functions, and of their slopes; each number's own."""
     n, order = statement.n, statement.order
-    length = float(samples[-1].x[-1] - samples[0].x[0])
+    length = samples[-1].end - samples[0].start
     rows = np.hstack([s.states for s in samples])
     spread = max(float(np.ptp(rows[:n], axis=1).max()), 1e-3 * float(np.abs(rows[:n]).max()))
     unit = spread if spread > NOTHING * length else length  # what is left of a curve that vanishes has no size

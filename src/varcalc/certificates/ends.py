@@ -41,7 +41,7 @@ def tied(stated: Statement, samples: Sequence[Samples]) -> Statement:
     free = np.r_[~stated.held[0][:n], ~stated.held[1][:n], np.ones(len(numbers), dtype=bool)]
     multipliers = np.linalg.lstsq(rows[:, free].T, asked[free], rcond=None)[0]
     stiffness = min(float(np.linalg.eigvalsh(s.hessian[:, -n:, -n:]).min()) for s in samples)
-    length = float(last.x[-1] - first.x[0])
+    length = last.end - first.start
     sizes = (rows[:, free] ** 2).sum(axis=1)
     weights = STIFF * max(stiffness, 0.0) / length / np.where(sizes > 0, sizes, 1.0)
     return replace(stated, multipliers=tuple(multipliers.tolist()), weights=tuple(weights.tolist()))

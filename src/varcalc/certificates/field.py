@@ -108,7 +108,7 @@ def parted(statement: Statement, samples: Sequence[Samples]) -> list[int]:
     if statement.states != statement.n:
         return []
     waypoints = statement.waypoints
-    places = ((k, waypoints.get(float(s.x[0]))) for k, s in enumerate(samples) if k)
+    places = ((k, waypoints.get(s.start)) for k, s in enumerate(samples) if k)
     return [k for k, given in places if given is not None and not np.isnan(given).any()]
 
 

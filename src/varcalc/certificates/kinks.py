@@ -253,7 +253,7 @@ class Kinked:
 
     def above(self, setting: Setting) -> Attained:
         """A curve near the solution's, with the value of L; ``setting`` is that of :meth:`lower`."""
-        vertices = np.array([float(s.x[0]) for s in setting.samples] + [self.edges[-1]])
+        vertices = np.array([*(s.start for s in setting.samples), self.edges[-1]])
         own = statement(replace(self.along, integrand=self._stated(below=False), vertices=vertices))
         found = setting_of(own, sampled(own), float(setting.along.value.mid()))
         value, moved = found.along.value, [flint().arb(0)] * (own.states + own.n)

@@ -303,7 +303,7 @@ def bumps_for(setting: Setting) -> list[Bump]:
 def _offered(setting: Setting) -> list[Bump]:
     """Bumps to choose from: inside, and where equations hold between the ends there and of the numbers."""
     statement = setting.statement
-    a, b = span = float(setting.samples[0].x[0]), float(setting.samples[-1].x[-1])
+    a, b = span = setting.samples[0].start, setting.samples[-1].end
     inside, n, order = tuple(statement.waypoints), statement.n, statement.order
     found = [Bump(i, degree, span, (a, b, *inside), order) for degree in range(BUMPS) for i in range(n)]
     if statement.along.form.ends.equations:

@@ -15,6 +15,7 @@ from varcalc.certificates.curve import (
     Piece,
     Samples,
     at_crossings,
+    edges_of,
     joint_states,
     pieces,
     sampled,
@@ -51,7 +52,7 @@ class Setting:
     @property
     def length(self) -> Ball:
         """Length of the interval."""
-        return flint().arb(float(self.samples[-1].x[-1])) - flint().arb(float(self.samples[0].x[0]))
+        return flint().arb(self.samples[-1].end) - flint().arb(self.samples[0].start)
 
     @property
     def scaled(self) -> list[np.ndarray]:
@@ -83,7 +84,7 @@ def setting_of(stated: Statement, samples: list[Samples], value: float) -> Setti
     joints = joint_states(stated, samples)
     exact = pieces(stated, samples, joints)
     states = state_sizes(samples, stated)
-    length = float(samples[-1].x[-1] - samples[0].x[0])
+    length = samples[-1].end - samples[0].start
     controls = states[(stated.order - 1) * stated.n : stated.order * stated.n] / 2.0 ** round(math.log2(length))
     sizes = states, controls
     tolerance = VALUE_TOLERANCE * (abs(value) or 1.0)
@@ -109,7 +110,7 @@ def as_graph(solution: Solution) -> AlongCurve | None:
 def on_halves(setting: Setting, rough: Sequence[int]) -> Setting:
     """The same with some pieces halved."""
     stated = setting.statement
-    edges = [float(s.x[0]) for s in setting.samples] + [float(setting.samples[-1].x[-1])]
+    edges = edges_of(setting.samples)
     samples = sampled_on(stated, sorted([*edges, *(0.5 * (edges[k] + edges[k + 1]) for k in rough)]))
     joints = joint_states(stated, samples)
     exact = pieces(stated, samples, joints)

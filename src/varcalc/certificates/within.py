@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from varcalc.certificates.balls import Around, Ball, Poly, Series, coefficient, flint, nodes, polynomial
-from varcalc.certificates.curve import CURVE_DEGREE, Piece, end_values, integrated, nodes_within, widened
+from varcalc.certificates.curve import CURVE_DEGREE, Piece, edges_of, end_values, integrated, nodes_within, widened
 from varcalc.certificates.integrals import Unproved, along_curve, check_enclosed
 from varcalc.certificates.jets import Jet, jets
 from varcalc.certificates.levels import meeting
@@ -150,11 +150,11 @@ class Within:
     def _chord(self) -> list[list[Poly]]:
         """The way to the straight lines between what the curve is held at, whose slopes are between its own."""
         found, n, (a, b) = flint(), self._along.n, self._along.span
-        starts = [float(s.x[0]) for s in self.setting.samples]
+        edges = edges_of(self.setting.samples)
         knots = [a, *sorted(self.setting.statement.waypoints), b]
         values = [
             self.setting.joints[0],
-            *(self.setting.joints[starts.index(x)] for x in knots[1:-1]),
+            *(self.setting.joints[edges.index(x)] for x in knots[1:-1]),
             self.setting.joints[-1],
         ]
         size, ways = found.arb(float(self.setting.sizes[0][0])), []
@@ -175,7 +175,7 @@ class Within:
 
     def _between(self) -> list[np.ndarray]:
         """The gradients (N + 1, n) of what is touched on each piece, and between these straight lines."""
-        edges = [float(s.x[0]) for s in self.setting.samples] + [float(self.setting.samples[-1].x[-1])]
+        edges = edges_of(self.setting.samples)
         rows = [self._gradients(a, b) for a, b in pairwise(edges)]
         known = _at_joints(rows) or self._at_ends()
         if not known:
