@@ -74,6 +74,13 @@ def test_the_least_curve_goes_round_a_wall(two_sided):
     assert not solution.local
 
 
+@pytest.mark.parametrize("unit", [1e-8, 1e-4, 3.0, 10.0, 1e4, 1e8])
+def test_a_wall_is_as_high_in_other_units(unit):
+    wall = lambda x, y: ca.logic_and(ca.fabs(x - 0.5) < 0.05, y / unit < 0.6)  # noqa: E731
+    solution = vc.solve(vc.Problem(lambda x, y, v: (v / unit) ** 2 + 20 * wall(x, y), vc.Fixed(0, 0), vc.Fixed(1, 0)))
+    assert solution.value == pytest.approx(2 * 0.6**2 / 0.45, rel=1e-10)
+
+
 def test_what_moves_a_wall_has_no_known_rate():
     problem = vc.Problem(
         lambda x, y, v, p: v**2 + 20 * p.s * ca.logic_and(ca.fabs(x - 0.5) < 0.05, y < p.h),

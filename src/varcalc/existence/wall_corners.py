@@ -27,9 +27,11 @@ from varcalc.solution import Solution
 
 BESIDE_BREAK = 1e-8
 """Distance from a break, in units of the interval, at which its sides are looked at."""
-BEHIND_BREAK, BESIDE_POLYGON, CLEAR_OF_WALL = 1e-6, 1e-6, 1e-9
+BEHIND_BREAK, BESIDE_POLYGON, CLEAR_OF_WALL = 1e-6, 1e-4, 1e-9
 """How far behind a break, in units of the interval, and beside a polygon it is seen whether L jumps, and how far from
 the edge of the wall the curve is kept, both in units of the ordinates."""
+LEAST_SPREAD = 1e-6
+"""How far ordinates are apart at least, relative to themselves, for a billionth of it to be more than round-off."""
 OFF_KNOWN = 1e-3
 """Part of what the curve is off by for that to which it is known."""
 JUMP_OF_WALL = 1e-3
@@ -90,7 +92,9 @@ def _rates(problem: Problem, found: Solution) -> dict[str, float]:
 
 
 def _unit(problem: Problem, valley: Valley) -> float:
-    return max(float(np.abs(valley.y).max()), problem.span[1] - problem.span[0])
+    """How far the ordinates of a polygon are apart; the interval where all are zero."""
+    spread, largest = float(np.ptp(valley.y)), float(np.abs(valley.y).max())
+    return max(spread, LEAST_SPREAD * largest) or problem.span[1] - problem.span[0]
 
 
 def _all_between(problem: Problem, valley: Valley, known: CurveOrSlope) -> list[WallCorner]:

@@ -14,9 +14,10 @@ import numpy as np
 
 from varcalc.formulation.form import Form
 from varcalc.numerics.mesh import gauss
-from varcalc.problem.problem import Curve
+from varcalc.problem.breaks import on_curve
+from varcalc.problem.problem import Curve, Problem
 from varcalc.symbolic.derived import derived
-from varcalc.symbolic.evaluation import PointEvaluator
+from varcalc.symbolic.evaluation import PointEvaluator, in_columns
 
 OCTAVES = 3
 """Doublings of the height from one bend that is measured to the next."""
@@ -44,6 +45,8 @@ FEW_HEIGHTS = 1e4
 """Ratio of the heights between which an integral changes its power, of one landscape."""
 MUCH_HIGHER = 8.0
 """How many times higher the functional may feel than the ends are apart, for one unit to show all of its landscape."""
+SWITCHED_AT, SHOWN = 9, 2.0
+"""Abscissae at which it is told how far away something switches, and how much broader a lattice is than that."""
 NO_CHANGE = 1e-7
 """Change of L from one to the next, relative to its size there, that is none."""
 NEAREST_TURNS = 8
@@ -79,6 +82,9 @@ def breadths(form: Form) -> tuple[float, ...]:
     if isinstance(form.problem, Curve):
         return (0.0,)
     extent, felt = _measured(form)
+    switched = _switched(form)
+    if extent < switched or 0.0 < WITHIN * switched < extent:  # what is chosen by the height is felt from there on
+        return (min(SHOWN * switched, WITHIN * switched), extent)
     if felt is None:
         return (extent,)
     over = not felt.ends and felt.high <= FEW_HEIGHTS * felt.low
@@ -101,6 +107,31 @@ def flat(form: Form) -> float:
     line = float(np.abs(form.start.curve(np.linspace(*form.span, 3))).max())
     unit = height(form)
     return FLAT * unit if any(form.problem.slides) or line <= LINE_ROUND_OFF * unit else 0.0
+
+
+@lru_cache(maxsize=KEPT_FORMS)
+def _switched(form: Form) -> float:
+    """The greatest distance from the straight line between the ends at which something switches; 0 where nothing does.
+
+    Along vertical lines, of graphs of one function.
+    """
+    problem = form.problem
+    if not isinstance(problem, Problem) or problem.n > 1 or problem.symbols.kind is not ca.SX:
+        return 0.0
+    s, x = problem.symbols, np.linspace(*problem.span, SWITCHED_AT)
+    arguments = [w.argument for w in on_curve(problem) if not w.stepped and ca.depends_on(w.argument, s.y)]
+    if not arguments:
+        return 0.0
+    steps = [-argument / ca.gradient(argument, s.y) for argument in arguments]
+    function = ca.Function("away", s.all, [ca.densify(ca.substitute(ca.vertcat(*steps), s.dy, ca.SX.zeros(1)))])
+    ends = np.array([end.values(1)[0] for end in (problem.start, problem.end)])
+    given = ends[~np.isnan(ends)] if not np.isnan(ends).all() else np.zeros(1)
+    line = np.linspace(given[0], given[-1], SWITCHED_AT)[None]
+    numbers = in_columns(len(x), problem.parameter_values, problem.unknown_guesses)
+    with np.errstate(all="ignore"):
+        steps = function(x[None], line, np.zeros((1, len(x))), np.zeros((s.ddy.numel(), len(x))), *numbers)
+    away = np.abs(np.asarray(steps))
+    return float(away.max(where=np.isfinite(away), initial=0.0))
 
 
 @lru_cache(maxsize=KEPT_FORMS)
