@@ -27,8 +27,9 @@ REACHES = 0.25, 1.0, 4.0
 """How far from the known end points of phi = 0 are looked for, in units of the curve's extents: on three grids."""
 DRAWN_TO_NOTHING, FARTHER = 1e-2, (16.0, 64.0)
 """Of the interval that was told: a curve that is so short says nothing of how far to look, which is farther then."""
-EXTENTS_ALIKE, REACHES_ALIKE = 2.0, (1.0, 4.0)
-"""Ratio of the extents of a Curve from which on it is looked for as far along all coordinates too, in the largest."""
+EXTENTS_ALIKE, REACHES_WIDE = 2.0, (1.0, 4.0)
+"""Ratio from which on they are looked for in units of how far the curve might go aside too, of a graph the breadth of
+its landscape, of a Curve its largest extent; and how far, in these."""
 PLACES_ON_GRID = {2: 29, 3: 18}
 """Along each coordinate of a grid on which phi is told, by the number of coordinates."""
 PIECES_DRAWN, POINTS_DRAWN, TOLD_BY = 8, 3, 128
@@ -52,7 +53,7 @@ MOST_PLACES = 3
 """Points of one end from which valleys are followed."""
 TIMES_CLOSER = 3
 """Grids, each about the best point of the one before, by which a place is told more closely."""
-PLACES_OF_EACH = 20
+PLACES_OF_EACH = 40
 """Points of each of two ends from which pairs are made."""
 
 
@@ -110,14 +111,20 @@ class DrawnToPlaces:
             extents[0] = max(extents[0], told)
             breadth = breadths(formulate(best.problem))[0]
             extents[1:] = np.where(extents[1:] > DRAWN_TO_NOTHING * breadth, extents[1:], breadth)
+            wide = np.append(extents[0], np.maximum(extents[1:], breadth))
         else:  # where a curve keeps to a line its ends may go aside as far as along it
             extents = np.where(extents > DRAWN_TO_NOTHING * extents.max(), extents, extents.max())
+            wide = np.full_like(extents, extents.max())
         self._extents = np.where(extents > 0, extents, extents.max())
         self._halves = [reach * self._extents for reach in reaches]
-        if (
-            not self._graph and EXTENTS_ALIKE * extents.min() < extents.max()
-        ):  # nor is it known to go aside as little elsewhere
-            self._halves += [reach * np.full_like(extents, extents.max()) for reach in REACHES_ALIKE]
+        # a curve that keeps close to a line here may go as far aside to other places
+        if (EXTENTS_ALIKE * self._extents < wide).any():
+            self._halves += [reach * wide for reach in REACHES_WIDE]
+
+    @property
+    def reach(self) -> float:
+        """How far from the known ends others are looked for, along any coordinate."""
+        return float(np.max(self._halves))
 
     def _of_pieces(self, pieces: int) -> _Rule:
         """By the share of the way, as the interval may have drawn to nothing."""

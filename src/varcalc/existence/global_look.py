@@ -375,8 +375,8 @@ def _at_other_places(
         return None
     from varcalc.existence.other_places import begun_at, looked_for, other_places  # few ends slide
 
-    seen.places = looked_for(best)
-    places = other_places(best)
+    places, reach = other_places(best)
+    seen.places = f"{looked} up to {reach:.3g} away" if (looked := looked_for(best)) else ""
     seen.number += len(places)
     marked: Solution | None = None
     for place in places:

@@ -47,14 +47,16 @@ def _conditioned(problem: Functional) -> bool:
     return any(problem.of_type(Bound)) or any(problem.of_type(Isoperimetric))
 
 
-def other_places(best: Solution) -> list[PlaceOfEnds]:
-    """Where else the ends that slide may be best, the lowest first; none where that is not :func:`looked_for`.
+def other_places(best: Solution) -> tuple[list[PlaceOfEnds], float]:
+    """Where else the ends that slide may be best, the lowest first, and how far away they were looked for.
+
+    None, and not away, where that is not :func:`looked_for`.
 
     Where both slide they are moved together as well: a curve may have drawn to nothing between them.
     """
     problem = best.problem
     if not looked_for(best):
-        return []
+        return [], 0.0
     sliding = [side for side in (0, 1) if problem.slides[side]]
     moved = [(side,) for side in sliding] + ([(0, 1)] if len(sliding) == 2 else [])
     drawn = [DrawnToPlaces(best, sides) for sides in moved]
@@ -63,7 +65,7 @@ def other_places(best: Solution) -> list[PlaceOfEnds]:
     if not conditioned or any(_narrow(problem, place) for place in found):
         # polygons say little of what draws to nothing: curves of some length may lead there
         found += [replace(place, sure=not conditioned) for some in drawn for place in some.places()]
-    return sorted(found, key=lambda place: place.value)
+    return sorted(found, key=lambda place: place.value), max(some.reach for some in drawn)
 
 
 def _narrow(problem: Functional, place: PlaceOfEnds) -> bool:
