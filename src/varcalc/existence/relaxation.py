@@ -147,6 +147,7 @@ class _RelaxedProgram:
         self.steep = (rise if rise > LEVEL * self.height else self.height) / (b - a)
         self.sectors = slope_sectors(problem)
         self._values = by_sector(problem, self.sectors.branches)
+        self._known_chords = dict[tuple[float, ...], list[tuple[float, float]]]()
         self._at_points = PointEvaluator(self._values)
         middle = pieces // 2
         slope = float(np.diff(self.line)[middle] / np.diff(self.x)[middle]) / self.steep
@@ -351,6 +352,12 @@ class _RelaxedProgram:
 
     def _chords(self, at: float, ordinate: float, slope: float) -> list[tuple[float, float]]:
         """The slopes, in units of their own, at which chords below L touch it at a place; looked for about one too."""
+        asked = at, ordinate, slope, self.steep
+        if asked not in self._known_chords:  # all pieces of a straight line may ask the same
+            self._known_chords[asked] = self._chords_found(at, ordinate, slope)
+        return self._known_chords[asked]
+
+    def _chords_found(self, at: float, ordinate: float, slope: float) -> list[tuple[float, float]]:
         tried, values = self._finite(at, ordinate, self._tried(slope))
         hull = _lower_hull(tried, values)
         for _ in range(CLOSER):

@@ -58,7 +58,8 @@ def _least(problem: Problem, x: np.ndarray, levels: np.ndarray, ends: list[float
     """The ordinates of the least polygon, (K + 1,); None where none is admitted."""
     nodes, there = np.tile(levels, (len(x), 1)), np.zeros((len(x), len(levels)))
     there[[0, -1]] = _begun(problem, x, levels, ends)
-    added = np.stack([_pieces(problem, x[k : k + 2], levels, steep) for k in range(len(x) - 1)])
+    known = dict[bytes, _Envelope | None]()
+    added = np.stack([_pieces(problem, x[k : k + 2], levels, steep, known) for k in range(len(x) - 1)])
     y, value = least_through(nodes[None, :, :, None], added[None], there[None])
     return y[0, :, 0] if np.isfinite(value[0]) else None
 
@@ -76,8 +77,18 @@ def _begun(problem: Problem, x: np.ndarray, levels: np.ndarray, ends: list[float
     return added
 
 
-def _pieces(problem: Problem, x: np.ndarray, levels: np.ndarray, steep: float) -> np.ndarray:
-    """What a piece adds from each level to each, (J, J): the convexified L half way, by the mean slope."""
+_Envelope = tuple[float, float, np.ndarray, np.ndarray]
+"""From which slope to which L has values, the slopes of lines below it, and how far below nothing each passes it."""
+
+
+def _pieces(
+    problem: Problem, x: np.ndarray, levels: np.ndarray, steep: float, known: dict[bytes, _Envelope | None]
+) -> np.ndarray:
+    """What a piece adds from each level to each, (J, J): the convexified L half way, by the mean slope.
+
+    What is ``known`` of L's values on all slopes is not found again: they are the same on every piece where L does not
+    hold x, and on every level where it does not hold y.
+    """
     width, count = x[1] - x[0], len(levels)
     half = 0.5 * (levels[:, None] + levels)
     slope = (levels - levels[:, None]) / width
@@ -85,17 +96,28 @@ def _pieces(problem: Problem, x: np.ndarray, levels: np.ndarray, steep: float) -
     tried = steep * SLOPES
     values = _admitted(problem, x.mean(), rows, tried)
     envelope = np.full((count, count), np.inf)
-    rises = np.diff(np.where(np.isfinite(values), values, np.nan), axis=1) / np.diff(tried)
-    for number, (row, rates) in enumerate(zip(values, rises, strict=True)):
-        finite = np.isfinite(row)
-        if finite.sum() < 2:
+    for number, row in enumerate(values):
+        key = row.tobytes()
+        if key not in known:
+            known[key] = _below(tried, row)
+        below = known[key]
+        if below is None:
             continue
-        lines = np.unique(rates[np.isfinite(rates)])
-        conjugate = (lines[:, None] * tried[finite] - row[finite]).max(axis=1)
+        first, last, lines, conjugate = below
         here = inverse.reshape(count, count) == number
-        within = here & (slope >= tried[finite][0]) & (slope <= tried[finite][-1])
+        within = here & (slope >= first) & (slope <= last)
         envelope[within] = (lines * slope[within][:, None] - conjugate).max(axis=1)
     return envelope * width
+
+
+def _below(tried: np.ndarray, row: np.ndarray) -> _Envelope | None:
+    """All straight lines below L's values (S,) on the slopes that are tried; None where it has less than two."""
+    finite = np.isfinite(row)
+    if finite.sum() < 2:
+        return None
+    rates = np.diff(np.where(finite, row, np.nan)) / np.diff(tried)
+    lines, slopes = np.unique(rates[np.isfinite(rates)]), tried[finite]
+    return slopes[0], slopes[-1], lines, (lines[:, None] * slopes - row[finite]).max(axis=1)
 
 
 @derived

@@ -361,6 +361,7 @@ class UserCurve(SentResampled):
     """The curve of an extremal, and its slope, at abscissae of the user's."""
 
     extremal: Extremal
+    _last: list[tuple[bytes, list[np.ndarray]]] = field(default_factory=list, init=False, repr=False)
 
     @property
     def order(self) -> int:
@@ -377,14 +378,26 @@ class UserCurve(SentResampled):
         extremal = self.extremal
         if not extremal.form.stated.is_lifted:
             return extremal.evaluate(x, derivative)
-        s = _abscissae_to_s(extremal, x)
-        _, y, dx, dy = lifted(extremal, s)
+        s, y, dx, dy = self._lifted(x)
         if derivative == 0:
-            return y
+            return y.copy()
         if derivative == 2:
             return _bend(extremal, s, dx, dy)
         with np.errstate(divide="ignore", invalid="ignore"):
             return _slope_at_ends(extremal, s, dy / dx)
+
+    def _lifted(self, x: np.ndarray) -> list[np.ndarray]:
+        """The s of abscissae x (m,), the ordinates there, and dx/ds and theirs.
+
+        They are kept until others are asked for: who asks for the curve asks for its slope next.
+        """
+        key, last = x.tobytes(), self._last[-1:]
+        if last and last[0][0] == key:
+            return last[0][1]
+        s = _abscissae_to_s(self.extremal, x)
+        found = [s, *lifted(self.extremal, s)[1:]]
+        self._last[:] = [(key, found)]
+        return found
 
     def __reduce__(self) -> tuple[Any, ...]:
         extremal = self.extremal
