@@ -1,5 +1,6 @@
 """What is narrow off the known curve: spots, gates in walls and walls one can go round; numbers in other valleys."""
 
+from functools import cache
 from itertools import pairwise
 
 import casadi as ca
@@ -65,11 +66,22 @@ def test_a_gate_in_a_wall_is_gone_through(x0, w, y0, g, height):
     assert not solution.local
 
 
+@cache
+def round_a_wall(*, two_sided):
+    """The least curve; the wall is a tenth of the interval wide, its height and its edge are parameters."""
+    return vc.solve(
+        vc.Problem(
+            lambda x, y, v, p: v**2
+            + 20 * p.s * ca.logic_and(ca.fabs(x - 0.5) < 0.05, (ca.fabs(y) if two_sided else y) < p.h),
+            vc.Fixed(0, 0), vc.Fixed(1, 0), parameters={"h": 0.6, "s": 1.0},
+        )
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("two_sided", [False, True])
 def test_the_least_curve_goes_round_a_wall(two_sided):
-    """A tenth of the interval wide, with an edge at 0.6: round it costs 1.6, through it 2."""
-    wall = lambda x, y: ca.logic_and(ca.fabs(x - 0.5) < 0.05, (ca.fabs(y) if two_sided else y) < 0.6)  # noqa: E731
-    solution = vc.solve(vc.Problem(lambda x, y, v: v**2 + 20 * wall(x, y), vc.Fixed(0, 0), vc.Fixed(1, 0)))
+    """Round it costs 1.6, through it 2."""
+    solution = round_a_wall(two_sided=two_sided)
     assert solution.value == pytest.approx(2 * 0.6**2 / 0.45, rel=1e-10)
     assert not solution.local
 
@@ -82,11 +94,7 @@ def test_a_wall_is_as_high_in_other_units(unit):
 
 
 def test_what_moves_a_wall_has_no_known_rate():
-    problem = vc.Problem(
-        lambda x, y, v, p: v**2 + 20 * p.s * ca.logic_and(ca.fabs(x - 0.5) < 0.05, y < p.h),
-        vc.Fixed(0, 0), vc.Fixed(1, 0), parameters={"h": 0.6, "s": 1.0},
-    )  # fmt: skip
-    rates = vc.solve(problem).sensitivities
+    rates = round_a_wall(two_sided=False).sensitivities
     assert np.isnan(rates["h"])
     assert rates["s"] == pytest.approx(0.0, abs=1e-12)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import varcalc as vc
+from varcalc.search import end_map
 
 
 def film(half):
@@ -114,7 +115,8 @@ def test_a_curve_that_misses_its_end_is_none():
     assert found.searched
 
 
-def test_interpolated_data_is_searched_as_formulas_are():
+def test_interpolated_data_is_searched_as_formulas_are(monkeypatch):
+    monkeypatch.setattr(end_map, "INTERPRETED_STEPS", end_map.INTERPRETED_STEPS // 4)  # a few seconds of them
     heights = np.linspace(-1, 2, 7)
     index = ca.interpolant("n", "bspline", [heights.tolist()], (1 + heights**2).tolist())
     tabulated = vc.Problem(lambda x, y, dy: index(y) * ca.sqrt(1 + dy**2), vc.Fixed(0, 0.5), vc.Fixed(1, 0.5))
