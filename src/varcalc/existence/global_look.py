@@ -67,8 +67,8 @@ LOWER = 1e-9
 """Relative difference of two values that is one."""
 SURELY_LOWER = 1e-3
 """The same for a polygon's value, of which no error is known."""
-POLYGON_RULES, RULES_APART = (16, 24), 10.0
-"""Gauss points a piece of two rules by which a polygon's value is told, and how often their difference is its error."""
+POLYGON_RULES, RULES_APART = (24, 16), 10.0
+"""Gauss points a piece of two rules, the better first, by which a polygon's value is told; the error in differences."""
 TOWARD_VERTICES = np.concatenate([[0.0], 0.25 ** np.arange(15, 0, -1), 1.0 - 0.25 ** np.arange(1, 16)])
 """Where pieces are cut for that, in shares of a piece."""
 
@@ -627,7 +627,7 @@ def _low_once_moved(lattice: Lattice, valleys: Sequence[Valley]) -> list[Valley]
 
 def _surely_lower(best: Solution, lattice: Lattice, valley: Valley) -> bool:
     low = valley.value < best.problem.sign * best.value - SURELY_LOWER * _size(lattice, valley)
-    return low and _is_lower(_along(lattice.landscape, valley), best, 0.0, SURELY_LOWER)
+    return low and _is_lower(_along(lattice.landscape, valley, best), best, 0.0, SURELY_LOWER)
 
 
 def _told(best: Solution, lower: Solution | None, looked: str) -> Solution:
@@ -795,7 +795,7 @@ def _by_polygon(best: Solution, lattice: Valleys, valley: Valley, *, followed: b
     """The known solution marked where a polygon is lower, whose value says nothing of what is lowest there."""
     if not valley.value < best.problem.sign * best.value + NEARLY * _size(lattice, valley):
         return None  # its sum to all digits takes far longer
-    value, known = _along(lattice.landscape, valley), not math.isnan(valley.summed)
+    value, known = _along(lattice.landscape, valley, best), not math.isnan(valley.summed)
     if not _is_lower(value, best, 0.0, LOWER if known else SURELY_LOWER) or _goes_through_bounds(best, lattice, valley):
         return None
     tried = LED_NOWHERE if followed else "was not followed: solve by Ritz()"
@@ -849,15 +849,16 @@ def _is_lower(value: float, best: Solution, error: float, share: float) -> bool:
     return sign * value < sign * best.value - margin
 
 
-def _along(landscape: Landscape, valley: Valley) -> float:
+def _along(landscape: Landscape, valley: Valley, best: Solution) -> float:
     """The functional along a polygon, made worse by what is not known of it; infinite where it keeps no level.
 
     That is what two rules differ by, and what it costs next to the vertices, in panels that no rule may have resolved.
+    Infinite as well where it is not below the value of the known solution without all that.
     """
     if not math.isnan(valley.summed):
         return landscape.sign * valley.summed
     steps, shape, sums = np.diff(valley.x), valley.y.shape[1:], []
-    slopes = (np.diff(valley.y, axis=0).T / steps).T
+    slopes, ends = (np.diff(valley.y, axis=0).T / steps).T, at_ends(landscape, valley.y)
     # a steep piece may cost next to a vertex what it costs
     panels = np.append((valley.x[:-1, None] + steps[:, None] * TOWARD_VERTICES).ravel(), valley.x[-1])
     for count in POLYGON_RULES:
@@ -867,8 +868,10 @@ def _along(landscape: Landscape, valley: Valley) -> float:
         if not landscape.own_values(x, weights, ordinates, slope):
             return landscape.sign * math.inf
         sums.append(float(landscape.values(x, ordinates, slope) @ weights))
-    apart = RULES_APART * abs(sums[1] - sums[0]) + _beside_vertices(landscape, valley, slopes)
-    return landscape.sign * (sums[1] + at_ends(landscape, valley.y) + apart)
+        if sums[0] + ends >= landscape.sign * best.value:
+            return landscape.sign * math.inf
+    apart = RULES_APART * abs(sums[0] - sums[1]) + _beside_vertices(landscape, valley, slopes)
+    return landscape.sign * (sums[0] + ends + apart)
 
 
 def _beside_vertices(landscape: Landscape, valley: Valley, slopes: np.ndarray) -> float:

@@ -97,19 +97,44 @@ def inner_nodes(count: int, given: int) -> tuple[np.ndarray, np.ndarray]:
     return nodes, weights / (1.0 - nodes**2) ** given
 
 
+@lru_cache(maxsize=512)
+def _recurrence(order: int, highest: int) -> list[tuple[float, float, float]]:
+    """Coefficients c1, c2 and c0 of P_j = (c1 s P_(j-1) - c2 P_(j-2)) / c0, for j = 2 .. highest."""
+    a, found = order, []
+    for j in range(2, highest + 1):
+        c0 = 2 * j * (j + 2 * a) * (2 * j + 2 * a - 2)
+        c1 = (2 * j + 2 * a - 1) * (2 * j + 2 * a) * (2 * j + 2 * a - 2)
+        c2 = 2 * (j + a - 1) ** 2 * (2 * j + 2 * a)
+        found.append((float(c1), float(c2), float(c0)))
+    return found
+
+
 def _jacobi(order: int, highest: int, points: np.ndarray) -> np.ndarray:
     """Jacobi polynomials P_j^(order, order) for j = 0 .. highest; shape (highest + 1, points)."""
     rows = np.empty((highest + 1, len(points)))
     rows[0] = 1.0
     if highest > 0:
         rows[1] = (order + 1) * points
-    for j in range(2, highest + 1):
-        a = order
-        c0 = 2 * j * (j + 2 * a) * (2 * j + 2 * a - 2)
-        c1 = (2 * j + 2 * a - 1) * (2 * j + 2 * a) * (2 * j + 2 * a - 2)
-        c2 = 2 * (j + a - 1) ** 2 * (2 * j + 2 * a)
-        rows[j] = (c1 * points * rows[j - 1] - c2 * rows[j - 2]) / c0
+    before, last, less = rows[0], rows[min(highest, 1)], np.empty(len(points))
+    for row, (c1, c2, c0) in zip(rows[2:], _recurrence(order, highest), strict=True):
+        # in place: of few points what is made anew takes as long as what is computed
+        np.multiply(points, c1, out=row)
+        np.multiply(row, last, out=row)
+        np.multiply(before, c2, out=less)
+        np.subtract(row, less, out=row)
+        np.divide(row, c0, out=row)
+        before, last = last, row
     return rows
+
+
+@lru_cache(maxsize=512)
+def _factors(fold: int, smoothness: int, highest: int) -> np.ndarray:
+    """What the products of :func:`_integrated` have in common at all points, one a row."""
+    k = np.arange(smoothness, highest + 1)
+    factor = np.ones(len(k))
+    for j in range(fold):
+        factor *= -0.5 / (k - j)
+    return (factor * np.sqrt(k + 0.5))[:, None]
 
 
 def _integrated(fold: int, smoothness: int, highest: int, points: np.ndarray) -> np.ndarray:
@@ -119,12 +144,9 @@ def _integrated(fold: int, smoothness: int, highest: int, points: np.ndarray) ->
     ends is (-1)^fold (k - fold)! / (2^fold k!) (1 - s^2)^fold P_(k-fold)^(fold, fold),
     a product, so it keeps its relative accuracy close to the ends.
     """
-    k = np.arange(smoothness, highest + 1)
     rows = _jacobi(fold, highest - fold, points)[smoothness - fold :]
-    factor = np.ones(len(k))
-    for j in range(fold):
-        factor *= -0.5 / (k - j)
-    return (factor * np.sqrt(k + 0.5))[:, None] * ((1 - points) * (1 + points)) ** fold * rows
+    factors = _factors(fold, smoothness, highest)
+    return factors * rows if fold == 0 else factors * ((1 - points) * (1 + points)) ** fold * rows
 
 
 @lru_cache(maxsize=8)
@@ -146,6 +168,15 @@ def _vertex_polynomials(smoothness: int, derivative: int) -> np.ndarray:
     return np.polynomial.polynomial.polyder(_hermite(smoothness).T, derivative)
 
 
+def _powers(points: np.ndarray, count: int) -> np.ndarray:
+    """The first so many powers of points (m,), one a column; they are slow, and none is needed of the first two."""
+    if count > 2:
+        return points[:, None] ** np.arange(count)
+    powers = np.ones((len(points), count))
+    powers[:, 1:] = points[:, None]
+    return powers
+
+
 def basis(smoothness: int, degree: int, points: np.ndarray, derivatives: int, first: int = 0) -> np.ndarray:
     """Derivatives ``first`` to ``derivatives`` of the element basis on [-1, 1]; each (points, degree + 1).
 
@@ -157,7 +188,7 @@ def basis(smoothness: int, degree: int, points: np.ndarray, derivatives: int, fi
     table = np.empty((derivatives + 1 - first, len(points), degree + 1))
     for rows, d in zip(table, range(first, derivatives + 1), strict=True):
         vertex = _vertex_polynomials(m, d)
-        rows[:, : 2 * m] = points[:, None] ** np.arange(len(vertex)) @ vertex
+        rows[:, : 2 * m] = _powers(points, len(vertex)) @ vertex
         if degree >= 2 * m:
             rows[:, 2 * m :] = _integrated(m - d, m, degree - m, points).T
     return table

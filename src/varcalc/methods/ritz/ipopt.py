@@ -378,18 +378,26 @@ class _Pathwise:
     at_gauss: CurvePoints
     sizes: _Sizes
     start: np.ndarray
+    _known: dict[bytes, CurvePoints] = field(default_factory=dict)
+
+    def _at(self, nodes: np.ndarray) -> CurvePoints:
+        """The points of every element at ``nodes`` of the reference element, which conditions share."""
+        key = nodes.tobytes()
+        if key not in self._known:
+            self._known[key] = CurvePoints.of(self.system, self.scale, nodes)
+        return self._known[key]
 
     def add(self) -> None:
         """Append the rows of every condition to the program."""
         system, ends = self.system, np.array([-1.0])
         # the first vertex of each element but the first is interior
-        vertices = CurvePoints.of(system, self.scale, ends)
+        vertices = self._at(ends)
         for condition in system.form.conditions.pathwise:
             size = self.sizes.of_integrand(condition)
             elements, corners = _asked(system, condition)
             given = _given_at_vertices(system, condition)
             for some, rule in _nodes(system, condition, given, elements):
-                inner = CurvePoints.of(system, self.scale, rule[0])
+                inner = self._at(rule[0])
                 kind = "equations" if condition.equality else "nodes"
                 self._append(kind, condition, inner.kept(np.repeat(some, len(rule[0]))), size, some, rule)
             if corners.any() and given:
@@ -419,7 +427,7 @@ class _Pathwise:
             if elements[element] and np.isin(numbers, system.free).any():
                 at = np.zeros(space.elements, dtype=bool)
                 at[element] = True
-                points = CurvePoints.of(system, self.scale, np.array([node])).kept(at)
+                points = self._at(np.array([node])).kept(at)
                 self._append("vertices", condition, points, size, elements)
 
     def _end_stretches(self, condition: SideCondition, size: float, elements: np.ndarray, given: int) -> None:
@@ -438,7 +446,7 @@ class _Pathwise:
         changes, size = np.diff(elements.astype(int)), self.sizes.of_integrand(rate)
         coming, leaving = ends[0] & np.append(changes > 0, False), ends[1] & np.append(False, changes < 0)
         for node, free in ((1.0, coming), (-1.0, leaving)):
-            points = CurvePoints.of(self.system, self.scale, np.array([node]))
+            points = self._at(np.array([node]))
             self._append("vertices", rate, _beside(points, -int(node)).kept(free), size, elements)
 
     def _values(self, condition: SideCondition, points: CurvePoints) -> Any:
