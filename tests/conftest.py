@@ -28,7 +28,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--everything",
         action="store_true",
         help="meet every transformation of every reference by every method, not only by the ladder and a part by each, "
-        "and every member of each class, those that tests/further_members.txt names as well",
+        "and every member of each class, those that tests/further_members.txt names as well; make all of the gallery",
     )
     parser.addoption(
         "--pages",
