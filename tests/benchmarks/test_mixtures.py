@@ -58,5 +58,5 @@ def test_what_is_seen_of_a_kind_is_no_lower_than_the_least():
 
 
 def test_no_levelled_pair_is_wrong():
-    outcome, line = told_of_kind("levelled-pair", 1)
+    outcome, line = told_of_kind("levelled-pair", 2)
     assert outcome != "wrong", line
