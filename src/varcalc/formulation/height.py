@@ -225,7 +225,28 @@ def turns_along_lines(y: np.ndarray, values: np.ndarray, unit: float) -> np.ndar
     """The ordinates at which the ``values`` (R, P) of L turn on R lines; None where no line has two minima.
 
     On each they are asked at ascending ordinates y (R, P), of which the middle one is the curve's; ``unit`` is theirs.
+    Where curves may not go, between two places at which they may, there is a hill.
     """
+    turned, banks = _turned(y, values, unit), _banks(y, values)
+    if turned is None:
+        return banks if len(banks) else None
+    return np.concatenate([turned, banks])
+
+
+def _banks(y: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The ordinates, of those asked, on both sides of where curves may not go between two at which they may."""
+    barred = values == np.inf
+    open_below = np.logical_or.accumulate(~barred, axis=1)
+    open_above = np.logical_or.accumulate(~barred[:, ::-1], axis=1)[:, ::-1]
+    island = barred & open_below & open_above
+    beside = np.zeros(values.shape, dtype=bool)
+    beside[:, :-1] |= island[:, 1:]
+    beside[:, 1:] |= island[:, :-1]
+    return y[beside & ~barred]
+
+
+def _turned(y: np.ndarray, values: np.ndarray, unit: float) -> np.ndarray | None:
+    """The same without what bars curves."""
     change = np.diff(values)
     told = np.isfinite(change) & (np.abs(change) > NO_CHANGE * (np.abs(values[:, 1:]) + np.abs(values[:, :-1])))
     line, step = np.nonzero(told)
