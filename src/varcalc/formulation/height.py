@@ -15,9 +15,10 @@ import numpy as np
 from varcalc.formulation.form import Form
 from varcalc.numerics.mesh import gauss
 from varcalc.problem.breaks import on_curve
+from varcalc.problem.functional import arguments_at
 from varcalc.problem.problem import Curve, Problem
 from varcalc.symbolic.derived import derived
-from varcalc.symbolic.evaluation import PointEvaluator, in_columns
+from varcalc.symbolic.evaluation import PointEvaluator
 
 OCTAVES = 3
 """Doublings of the height from one bend that is measured to the next."""
@@ -127,10 +128,8 @@ def _switched(form: Form) -> float:
     ends = np.array([end.values(1)[0] for end in (problem.start, problem.end)])
     given = ends[~np.isnan(ends)] if not np.isnan(ends).all() else np.zeros(1)
     line = np.linspace(given[0], given[-1], SWITCHED_AT)[None]
-    numbers = in_columns(len(x), problem.parameter_values, problem.unknown_guesses)
     with np.errstate(all="ignore"):
-        steps = function(x[None], line, np.zeros((1, len(x))), np.zeros((s.ddy.numel(), len(x))), *numbers)
-    away = np.abs(np.asarray(steps))
+        away = np.abs(np.asarray(function(*arguments_at(problem, x, line, np.zeros_like(line)))))
     return float(away.max(where=np.isfinite(away), initial=0.0))
 
 

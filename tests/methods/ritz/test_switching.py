@@ -98,3 +98,29 @@ def test_what_presses_a_slope_is_asked_all_along_a_stretch():
     exact = along(lambda x, y: y * np.sin(3 * x), [c, turn - c, turn + c], levels, 0.0, 3.0)[0]
     assert solution.value <= exact + 1e-9
     assert solution.value == pytest.approx(exact, abs=1e-9)
+
+
+@pytest.mark.parametrize("cost", [0.0, 2.0, 4.0])
+@pytest.mark.parametrize("freed", ["start", "end"])
+def test_a_free_end_says_what_presses_a_slope_all_along(freed, cost):
+    """x v with y(3) free, which costs c y: c y(3) + 3 y(3) - its area; or y(0) free, which costs -c y(0)."""
+    limit = vc.Bound(lambda x, y, v: v, lower=-1, upper=1)
+    ends = (vc.Free(0), vc.Fixed(3, 0)) if freed == "start" else (vc.Fixed(0, 0), vc.Free(3))
+    sign = -1 if freed == "start" else 1
+    of_ends = lambda x0, y0, x1, y1: sign * cost * (y0 if freed == "start" else y1)  # noqa: E731
+    solution = vc.solve(vc.Problem(lambda x, y, v: x * v, *ends, [limit], end_cost=of_ends))
+    # int (x + c) v with v = -1 throughout, either way: a start at y costs -c y = c int v
+    assert solution.value == pytest.approx(-(4.5 + 3 * cost), abs=1e-10)
+
+
+def test_a_level_shifts_where_the_slope_switches():
+    """y^2 from 2 to 2 in 5 with slopes of 1 at most and the area 4.5: down to a, at rest there, up.
+
+    The area is 2 (4 - a^2)/2 + a (1 + 2 a), where the rest takes 5 - 2 (2 - a).
+    """
+    limit = vc.Bound(lambda x, y, v: v, lower=-1, upper=1)
+    area = vc.Isoperimetric(lambda x, y, v: y, 4.5)
+    a = (-1 + np.sqrt(1 + 4 * 0.5)) / 2
+    exact = 2 * (8 - a**3) / 3 + a**2 * (1 + 2 * a)
+    solution = vc.solve(vc.Problem(lambda x, y, v: y**2, vc.Fixed(0, 2), vc.Fixed(5, 2), [limit, area]))
+    assert solution.value == pytest.approx(exact, abs=1e-9)

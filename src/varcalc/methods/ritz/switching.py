@@ -17,9 +17,11 @@ import numpy as np
 from varcalc.formulation import Contact, Form
 from varcalc.methods.ritz.touching import HELD, Touching, marks, placed, touched_stretches
 from varcalc.numerics.mesh import composite_gauss
+from varcalc.problem.end_cost import natural_momenta
+from varcalc.problem.functional import arguments_along
+from varcalc.problem.problem import Problem
 from varcalc.solution import Solution
 from varcalc.symbolic.derived import Cache
-from varcalc.symbolic.evaluation import in_columns
 
 CLOSED = (0.02, 0.05, 0.1)
 """Gaps between stretches, in units of the interval, that are taken for a corner in turn: a coarse curve rounds it."""
@@ -32,42 +34,58 @@ SWITCHES = 1e-6
 
 
 def of_first_degree(form: Form) -> bool:
-    """Whether L is of first degree in the slope, or does without it."""
+    """Whether L and what is levelled are of first degree in the slope, or do without it."""
     s = form.symbols
-    return not ca.depends_on(ca.gradient(form.integrand, s.dy), s.dy)
+    expressions = [form.integrand, *(c.expression for c in form.conditions.integrals)]
+    return not any(ca.depends_on(ca.gradient(expression, s.dy), s.dy) for expression in expressions)
 
 
 @dataclass(frozen=True)
 class Switching(Touching):
     """The same for stretches at bounds of the slope, all along which these have to press.
 
-    With the bound g at its level and M its multiplier times g_v, M' = L_y - (L_v)' + M g_y / g_v, and M is zero where
-    the slope switches. There the other way it would have to switch again.
+    With the bound g at its level and M its multiplier times g_v, M' = L_y - (L_v)' + M g_y / g_v. M is zero where the
+    slope switches, and what a free end asks of the momentum there. The other way it would have to switch again.
     """
 
     def presses(self, solution: Solution, contact: Contact, ends: np.ndarray) -> bool:
         """Whether lifting the bound anywhere on a contact between ``ends`` would lower the functional."""
         bound = next(c for c in self.plain.conditions.pathwise if c.index == contact.index)
         x, weights = composite_gauss(np.linspace(ends[0], ends[1], PANELS_OF_STRETCH + 1), POINTS_OF_PANEL)
-        unmet, (by_place, by_slope) = self._along(solution, x, bound.expression)
+        unmet, _, by_place, by_slope = self._along(solution, x, bound.expression)
         factor = np.exp(-np.cumsum(weights * by_place / by_slope))
         summed = np.cumsum(weights * unmet * factor)
-        if ends[0] <= self.plain.span[0]:  # it is the end of the stretch where nothing presses any more
-            summed = summed - summed[-1]
+        side, known = self._known_at(solution, ends)
+        summed += known if side == 0 else known * factor[-1] - summed[-1]
         pressed = summed / factor / by_slope * (-1.0 if contact.level == bound.lower else 1.0)
         return bool(pressed.min() > -SWITCHES * np.abs(pressed).max())
 
-    def _along(self, solution: Solution, x: np.ndarray, expression: ca.SX) -> tuple[np.ndarray, np.ndarray]:
-        """What the Euler-Lagrange equation misses along the curve at x (m,), and the rates of a bound, (2, m)."""
-        s, curve, problem = self.plain.symbols, solution.curve, self.plain.problem
+    def _known_at(self, solution: Solution, ends: np.ndarray) -> tuple[int, float]:
+        """At which of its ends M is known, the start (0) or the end (1) of a stretch, and what it is there."""
+        inside = ends[0] > self.plain.span[0], ends[1] < self.plain.span[1]
+        if any(inside):
+            return inside.index(True), 0.0
+        curve, problem = solution.curve, self.plain.problem
         assert curve is not None
-        momentum = ca.gradient(self.plain.integrand, s.dy)
+        assert isinstance(problem, Problem)
+        asked = natural_momenta(problem, curve)
+        side = 0 if asked[0] is not None else 1
+        momentum = self._along(solution, ends, self.plain.conditions.pathwise[0].expression)[1]
+        return side, float(asked[side] or 0.0) - float(momentum[side])
+
+    def _along(self, solution: Solution, x: np.ndarray, expression: ca.SX) -> np.ndarray:
+        """What the Euler-Lagrange equation misses along the curve at x (m,), L_v, and the rates of a bound: (4, m)."""
+        form, s, curve = self.plain, self.plain.symbols, solution.curve
+        assert curve is not None
+        levels = [c for c in form.conditions.integrals if c.equality]
+        whole = form.integrand - form.sign * sum(
+            float(solution.multipliers[c.index] or 0.0) * c.expression for c in levels
+        )
+        momentum = ca.gradient(whole, s.dy)
         pace = ca.gradient(momentum, s.x) + ca.gradient(momentum, s.y) * s.dy
         rates = [ca.gradient(expression, s.y), ca.gradient(expression, s.dy)]
-        along = ca.Function("along", s.all, [ca.vertcat(ca.gradient(self.plain.integrand, s.y) - pace, *rates)])
-        numbers = in_columns(len(x), problem.parameter_values, np.array(list(solution.unknowns.values())))
-        found = np.asarray(along(x[None], curve(x, 0), curve(x, 1), np.zeros((0, len(x))), *numbers))
-        return found[0], found[1:]
+        along = ca.Function("along", s.all, [ca.densify(ca.vertcat(ca.gradient(whole, s.y) - pace, momentum, *rates))])
+        return np.asarray(along(*arguments_along(form.problem, curve, x, solution.unknown_values)))
 
 
 @dataclass(frozen=True)
