@@ -6,7 +6,8 @@ import casadi as ca
 import pytest
 
 import varcalc as vc
-from varcalc.existence.feasibility import contradiction
+from varcalc.existence.feasibility import contradiction, explained
+from varcalc.solution import Status, no_answer
 
 
 def graph(conditions, end=0.0, cost=lambda x, y, v: v**2):
@@ -83,3 +84,14 @@ def test_an_end_on_a_curve_that_has_points_is_not_said_to_have_none():
     solution = vc.solve(vc.Problem(lambda x, y, dy: -(dy**2), vc.Fixed(0, 0), end), throw=False)
     assert not solution.status.ok
     assert "slides on no curve" not in solution.message
+
+
+@pytest.mark.parametrize("size", [lambda v: v**2, ca.fabs], ids=["square", "size"])
+def test_slopes_that_alternate_may_meet_what_no_smooth_curve_does(size):
+    """|v| >= 1 from (0, 0) to (1, 0.2) is met by slopes of 1 up to x = 0.6 and of -1 from there on."""
+    problem = vc.Problem(
+        lambda x, y, v: v**2 + y**2, vc.Fixed(0, 0), vc.Fixed(1, 0.2), [vc.Bound(lambda x, y, v: size(v), lower=1)]
+    )
+    failure = no_answer(problem, vc.Ritz(), Status.NOT_CONVERGED, "no curve was found")
+    told = explained(problem, failure)
+    assert told.verdict is not vc.Verdict.INFEASIBLE

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -87,11 +87,17 @@ def explained(problem: Functional, failure: Solution) -> Solution:
                     "only the extreme curve is admissible, and no multiplier exists there"
                 )
                 return refused(failure, Finding(Verdict.DEGENERATE, message))
-    if _can_contradict(problem) and not failure.status.ok:
-        found = contradiction(problem)
-        if found is not None:
-            return refused(failure, found.finding)
-    return failure
+    found = contradiction(problem) if _can_contradict(problem) and not failure.status.ok else None
+    if found is None:
+        return failure
+    return replace(failure, message=found.unmet) if _by_corners(problem) else refused(failure, found.finding)
+
+
+def _by_corners(problem: Functional) -> bool:
+    """Whether slopes that alternate may meet a bound of the slope between those that do not, as v^2 >= 1 is met."""
+    highest = problem.symbols.highest
+    bounds = (t.expression for t in problem.traced if isinstance(t.constraint, Bound))
+    return any(ca.depends_on(e, highest) for e in bounds) and sure_contradiction(problem) is None
 
 
 def _can_contradict(problem: Functional) -> bool:
@@ -205,14 +211,26 @@ class Contradiction:
     @property
     def finding(self) -> Finding:
         """What contradicts what."""
-        names = [f"constraints[{i}] ({type(self.problem.constraints[i]).__name__})" for i in self.misses]
-        together = " and ".join(names) + (" cannot be met together" if len(names) > 1 else " cannot be met")
-        misses = ", ".join(f"{miss:.4g}" for miss in self.misses.values())
-        sentence = (
-            f"{together} between these ends: the curve that comes nearest misses {'them' if len(names) > 1 else 'it'} "
-            f"by {misses}; change a level, a bound or the ends"
+        together = " cannot be met together" if len(self.misses) > 1 else " cannot be met"
+        sentence = f"{self._names}{together} between these ends: the curve that comes nearest misses {self._by}"
+        return Finding(Verdict.INFEASIBLE, f"{sentence}; change a level, a bound or the ends")
+
+    @property
+    def unmet(self) -> str:
+        """What no curve that was tried meets, where others may."""
+        return (
+            f"no curve that meets {self._names} was found: of the smooth ones that were tried the nearest misses "
+            f"{self._by}, and some with corners may not; give a guess"
         )
-        return Finding(Verdict.INFEASIBLE, sentence)
+
+    @property
+    def _names(self) -> str:
+        return " and ".join(f"constraints[{i}] ({type(self.problem.constraints[i]).__name__})" for i in self.misses)
+
+    @property
+    def _by(self) -> str:
+        misses = ", ".join(f"{miss:.4g}" for miss in self.misses.values())
+        return f"{'them' if len(self.misses) > 1 else 'it'} by {misses}"
 
 
 def sure_contradiction(problem: Functional) -> Contradiction | None:

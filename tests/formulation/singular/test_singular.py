@@ -471,3 +471,13 @@ def test_a_fall_has_no_size_of_its_own(across, size, method):
     fall = vc.Problem(lambda x, y, v: ca.sqrt((1 + v**2) / y), vc.Fixed(0, 0), vc.Fixed(across * size, size))
     exact = Cycloid.through(across, 1).descent_time(0.5) * size**0.5
     assert vc.solve(fall, method).value == pytest.approx(exact, rel=1e-10)
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1e-4, 1.0, 1e4])
+def test_what_is_no_length_is_taken_for_one_in_no_units(unit):
+    """(k y')^2 + |k y|: where the slopes that are tried make next to nothing of it, its square looks quadratic."""
+    ends = vc.Fixed(0, 1 / unit), vc.Fixed(4, 1 / unit)
+    square = vc.Problem(lambda x, y, v: (unit * v) ** 2 + ca.fabs(unit * y), *ends)
+    length = vc.Problem(lambda x, y, v: (2 + ca.fabs(unit * y)) * ca.sqrt(1 + (unit * v) ** 2), *ends)
+    assert Survey(square).metric is None
+    assert Survey(length).metric is not None

@@ -175,7 +175,7 @@ class Survey:
         least = np.fmin.reduce(aside, axis=1)
         steep = np.isfinite(aside[:, 0]) & (least < SHARE_LEFT * aside[:, 0])
         self.beyond = bool(steep[0]), bool(steep[1])
-        self._across = values[2 * LOOKS :]
+        self._across, self._places = values[2 * LOOKS :], across
 
     @property
     def metric(self) -> LengthElement | None:
@@ -196,21 +196,40 @@ class Survey:
 
     @cached_property
     def _fit(self) -> np.ndarray | None:
-        return _fitted(-self._across if self.problem.maximise else self._across)
+        sign = -1.0 if self.problem.maximise else 1.0
+        fit, known = _fitted(sign * self._across)
+        return fit if fit is not None and self._weighs_alike(fit, self._places[: -len(ACROSS)][known]) else None
+
+    def _weighs_alike(self, fit: np.ndarray, places: np.ndarray) -> bool:
+        """Whether L² is quadratic at ``places`` (m, 2) about the slopes that make half of it, by a ``fit`` (3, m), too.
+
+        Where ordinates have other units than abscissae the slopes that were tried may make next to nothing of L.
+        """
+        with np.errstate(all="ignore"):
+            slopes = PROBED_SLOPES[:, None] * np.sqrt(np.abs(fit[0] / fit[2]))
+            at = np.tile(places.T, len(slopes))
+            squares = self.problem.integrand_values(at[0], at[1:], slopes.reshape(1, -1)).reshape(slopes.shape) ** 2
+        return _quadratic(squares[:, np.isfinite(squares).all(0)])
 
 
-def _fitted(values: np.ndarray) -> np.ndarray | None:
-    """The metrics a + b v + c v^2 (3, m) whose length L has these ``values`` at SURVEY; None where there is none."""
+def _quadratic(squares: np.ndarray) -> bool:
+    """Whether values (., m) at the slopes that are tried are those of quadratic forms."""
+    return bool(np.all(np.abs(POWERS @ (FIT @ squares) - squares).max(0) <= QUADRATIC * squares.max(0)))
+
+
+def _fitted(values: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+    """The metrics a + b v + c v^2 (3, m) whose length L has these ``values`` at SURVEY, and where those that count are.
+
+    None where there are none.
+    """
     sampled = values[: -len(ACROSS)].reshape(-1, len(PROBED_SLOPES))
     with np.errstate(over="ignore"):
         squares = sampled**2
-    squares = squares[np.isfinite(squares).all(1) & (sampled > 0).all(1)]
+    kept = np.flatnonzero(np.isfinite(squares).all(1) & (sampled > 0).all(1))
+    squares, known = squares[kept], len(PROBED_SLOPES) * kept
     if len(squares) < 2 or _passes_zero(values[-len(ACROSS) :]):
-        return None
-    fit = FIT @ squares.T
-    if np.any(np.abs(POWERS @ fit - squares.T).max(0) > QUADRATIC * squares.max(1)):
-        return None
-    return fit
+        return None, known
+    return FIT @ squares.T if _quadratic(squares.T) else None, known
 
 
 def _metric(problem: Problem, conformal: bool) -> LengthElement:
