@@ -221,7 +221,8 @@ def _of_one(
         across = there if at_one_end else 2 * small
         if long and ridden and _lingers(values[a : b + 1], x[a : b + 1], across):
             found.append(Crossing(switch, float(x[a]), until=float(x[b])))
-    known = np.flatnonzero(side != 0.0) if not switch.stepped else np.arange(len(x))
+    told = np.isfinite(side)  # off the domain of what switches there is no side
+    known = np.flatnonzero(told & (side != 0.0)) if not switch.stepped else np.flatnonzero(told)
     between: list[tuple[float, float, float]] = []
     for i, j in pairwise(known.tolist()):
         if side[i] == side[j] or any(c.x <= x[j] and x[i] <= c.until for c in found if c.until is not None):

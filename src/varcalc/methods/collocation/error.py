@@ -25,7 +25,7 @@ from varcalc.methods.collocation.system import CollocationSystem, Residual, Stat
 from varcalc.numerics.mesh import Space
 from varcalc.numerics.roots import EPSILON
 
-SAFETY = 2.0
+SAFETY = 1.9
 """The correction leaves out what the richer space is off by: half of the error is left where it is four degrees richer
 and the curve just about shown."""
 CONTRACTION = 0.1

@@ -122,10 +122,17 @@ def correction(
         scale = scale + np.abs(levels) @ np.abs(system.levels)
         integrand = integrand + (at.integrands[..., 1:] * levels[..., None, :]).sum(-1)
     curve = SAFETY * displacement(here, there)
+    error = SAFETY * error * (1.0 + _beyond(system, change, poorer))
+    return NewtonEstimate(value, error, curve, scale, integrand, miss, moved, here, there)
+
+
+def _beyond(system: RitzSystem, change: np.ndarray, poorer: int) -> Any:
+    """What lies beyond the richer space; nothing of it where a curve is singular, whose energies are no such series."""
+    if any(system.form.coordinates.singular):
+        return 0.0
     coefficients = np.zeros((*change.shape[:-1], system.space.size))
     coefficients[..., system.free] = change[..., : len(system.free)]
-    error = SAFETY * error * (1.0 + system.space.left_out(coefficients, poorer, form.order))
-    return NewtonEstimate(value, error, curve, scale, integrand, miss, moved, here, there)
+    return system.space.left_out(coefficients, poorer, system.form.order)
 
 
 def _total(system: RitzSystem, z: np.ndarray, reported: Reported) -> Any:

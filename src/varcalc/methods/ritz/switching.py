@@ -111,7 +111,7 @@ def switching(form: Form, coarse: Solution) -> Iterator[Touching]:
         sequence = [(c.index, c.level) for c in contacts]
         if len(contacts) <= MOST_STRETCHES and contacts and sequence not in known:
             known.append(sequence)
-            found = placed(form, contacts, curve)
+            found = placed(form, contacts, curve, keeping=True)
             yield Switching(**vars(found)) if marks(form, contacts) else _led_by_itself(found)
 
 

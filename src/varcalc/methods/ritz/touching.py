@@ -177,10 +177,10 @@ def _within(form: Form, contact: Contact, share: float) -> Contact:
     return replace(contact, start=middle - half, end=middle + half)
 
 
-def placed(form: Form, contacts: list[Contact], curve: CurveOrSlope) -> Touching:
-    """The form with these contacts, begun from a curve."""
+def placed(form: Form, contacts: list[Contact], curve: CurveOrSlope, *, keeping: bool = False) -> Touching:
+    """The form with these contacts, begun from a curve; ``keeping`` some of every piece."""
     assert isinstance(form.problem, Problem)
-    broken = broken_form(form.problem, marks(form, contacts), lambda x: curve(x, 0), contacts, keeping=True)
+    broken = broken_form(form.problem, marks(form, contacts), lambda x: curve(x, 0), contacts, keeping=keeping)
     return Touching(broken, tuple(contacts), form)
 
 
