@@ -129,9 +129,8 @@ def broken_form(
     integrand = plain.sign * rewrite(problem.integrand, True)
     conditions = replace(conditions_of(problem, rewrite), knots=tuple(s for s, _ in marks[1:-1]))
     if contacts is not None:
-        pathwise = _touching(conditions.pathwise, contacts)
-        if keeping:
-            pathwise += (SideCondition(speed, LENGTH_KEPT, math.inf, -1),)
+        kept = (SideCondition(speed, LENGTH_KEPT, math.inf, -1),) if keeping else ()
+        pathwise = (*_touching(conditions.pathwise, contacts), *kept)
     elif conditions.pathwise or keeping or any(r.drawn(problem) for r in rides):
         # the interior-point method is kept from turning a piece inside out
         pathwise = (*conditions.pathwise, SideCondition(speed, LENGTH_KEPT, math.inf, -1))

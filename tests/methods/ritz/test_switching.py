@@ -124,3 +124,17 @@ def test_a_level_shifts_where_the_slope_switches():
     exact = 2 * (8 - a**3) / 3 + a**2 * (1 + 2 * a)
     solution = vc.solve(vc.Problem(lambda x, y, v: y**2, vc.Fixed(0, 2), vc.Fixed(5, 2), [limit, area]))
     assert solution.value == pytest.approx(exact, abs=1e-9)
+
+
+def test_a_level_that_two_slopes_have_is_switched_between_as_well():
+    """y^2 from 2 to 1 with v^2 of 1 at most: 8/3 + 1/3."""
+    limit = vc.Bound(lambda x, y, v: v**2, upper=1)
+    solution = vc.solve(vc.Problem(lambda x, y, v: y**2, vc.Fixed(0, 2), vc.Fixed(5, 1), [limit]))
+    assert solution.value == pytest.approx(3.0, abs=1e-9)
+
+
+def test_an_edge_beyond_which_other_slopes_are_admitted_forces_no_curve():
+    """y with v^2 >= 1: y = x keeps to an edge from (0, 0) to (1, 1), and steep ways down and up are lower."""
+    limit = vc.Bound(lambda x, y, v: v**2, lower=1)
+    solution = vc.solve(vc.Problem(lambda x, y, v: y, vc.Fixed(0, 0), vc.Fixed(1, 1), [limit]), throw=False)
+    assert solution.local or not solution.status.ok

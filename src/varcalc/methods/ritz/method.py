@@ -65,10 +65,10 @@ MOST_ITERATIONS, UNFINISHED = 600, 3
 """Iterations in all after which a solve is given up; by IPOPT no more than what it may take on so many meshes."""
 SPLIT_DEGREE = 16
 """Degree kept while elements are bisected."""
-COARSE, COARSE_DEGREE = (16, 64), 4
-"""Elements and degree of meshes on which contacts with a bound are looked for; the next where one holds no curve."""
-POLYGON = (128,)
-"""The same of polygons, where the slope may switch from bound to bound."""
+COARSE, POLYGON = ((16, 4), (64, 4)), (128, 1)
+"""Elements and degree of meshes on which contacts with a bound are looked for, the next where one holds no curve.
+
+And of polygons, which come first where the slope may switch from bound to bound."""
 COARSE_TOLERANCE = 1e-8
 """Tolerance of the optimiser on it."""
 UNSEEN, ROUGHLY = 1e-3, 1e-6
@@ -200,14 +200,14 @@ class Ritz(Brief):
         optimiser = self.optimiser if isinstance(self.optimiser, Ipopt) else Ipopt()
         optimiser = replace(optimiser, tol=max(optimiser.tol, COARSE_TOLERANCE))
         switches = steep(form) and of_first_degree(form)
-        degree, meshes = (1, POLYGON) if switches else (COARSE_DEGREE, COARSE)
-        coarse = replace(self, degree=degree, refine=False, optimiser=optimiser)
+        meshes = (POLYGON, *COARSE) if switches else COARSE
+        coarse = replace(self, refine=False, optimiser=optimiser)
 
         def tried(way: Ritz, nearly: float) -> Solution:
             climbs.append(_Climb(way, form, nearly))
             return climbs[-1].run(guess)
 
-        tries = (tried(replace(coarse, elements=max(e, self.elements)), tol) for e in meshes)
+        tries = (tried(replace(coarse, elements=max(e, self.elements), degree=degree), tol) for e, degree in meshes)
         first = next((one for one in tries if one.curve is not None), None)
         if first is None:
             return None

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from varcalc.formulation import Contact, Form
 from varcalc.methods.ritz.touching import HELD, Touching, marks, placed, touched_stretches
-from varcalc.numerics.mesh import composite_gauss
+from varcalc.numerics.mesh import CurveOrSlope, composite_gauss
 from varcalc.problem.end_cost import natural_momenta
 from varcalc.problem.functional import arguments_along
 from varcalc.problem.problem import Problem
@@ -27,10 +28,15 @@ CLOSED = (0.02, 0.05, 0.1)
 """Gaps between stretches, in units of the interval, that are taken for a corner in turn: a coarse curve rounds it."""
 MOST_STRETCHES = 24
 """Stretches of one curve: more are made of waves of a coarse one."""
+SLOPES_TOLD = 513
+"""Places along a stretch at which it is told whether the bound grows with the slope."""
 PANELS_OF_STRETCH, POINTS_OF_PANEL = 64, 8
 """Panels of a stretch and Gauss points on each by which it is told what presses."""
 SWITCHES = 1e-6
 """How much of the most that presses may press the other way: so much is round-off."""
+
+Part = tuple[Contact, int]
+"""A stretch, and 1 where its bound grows with the slope, -1 where it falls."""
 
 
 def of_first_degree(form: Form) -> bool:
@@ -102,13 +108,15 @@ class Forced(Touching):
 
 def switching(form: Form, coarse: Solution) -> Iterator[Touching]:
     """The stretches along which a coarse solution's slope is at a bound, their ends unknown, in a few arrangements."""
-    curve, known = coarse.curve, list[list[tuple[int, float]]]()
+    curve, known = coarse.curve, list[list[bool]]()
     if curve is None or form.conditions.waypoints or form.conditions.knots:
         return
-    touched = sorted(touched_stretches(form, coarse), key=lambda c: c.start)
+    touched = [part for c in touched_stretches(form, coarse) for part in _of_one_slope(form, c, curve)]
+    touched.sort(key=lambda part: part[0].start)
     for share in CLOSED:
-        contacts = _joined(form, touched, share * (form.span[1] - form.span[0]))
-        sequence = [(c.index, c.level) for c in contacts]
+        parts = _joined(form, touched, share * (form.span[1] - form.span[0]))
+        contacts = [c for c, _ in parts]
+        sequence = [a.end == b.start for a, b in pairwise(contacts)]  # what lies between is left free, or is a corner
         if len(contacts) <= MOST_STRETCHES and contacts and sequence not in known:
             known.append(sequence)
             found = placed(form, contacts, curve, keeping=True)
@@ -125,23 +133,41 @@ def _led_by_itself(found: Touching) -> Touching:
     return Forced(replace(found.form, ends=replace(ends, end=free), cache=Cache()), found.contacts, found.plain)
 
 
-def _joined(form: Form, touched: list[Contact], closed: float) -> list[Contact]:
+def _rising(form: Form, contact: Contact, curve: CurveOrSlope, x: np.ndarray) -> np.ndarray:
+    """The sign with which a bound grows with the slope along a curve, at x (m,)."""
+    bound = next(c for c in form.conditions.pathwise if c.index == contact.index)
+    rate = ca.Function("rate", form.symbols.all, [ca.densify(ca.gradient(bound.expression, form.symbols.dy))])
+    return np.sign(np.asarray(rate(*arguments_along(form.problem, curve, x))).ravel())
+
+
+def _of_one_slope(form: Form, contact: Contact, curve: CurveOrSlope) -> list[Part]:
+    """The parts of a contact in which its bound grows, or falls, with the slope: v^2 has one level at two slopes."""
+    x = np.linspace(contact.start, contact.end, SLOPES_TOLD)
+    signs = _rising(form, contact, curve, x)
+    cut = 1 + np.flatnonzero(np.diff(signs))
+    edges = [contact.start, *(0.5 * (x[cut] + x[cut - 1])).tolist(), contact.end]
+    told = (int(signs[k]) for k in (0, *cut))
+    return [(replace(contact, start=a, end=b), s) for (a, b), s in zip(pairwise(edges), told, strict=True) if s]
+
+
+def _joined(form: Form, touched: list[Part], closed: float) -> list[Part]:
     """Stretches without gaps of less than ``closed`` between them, and to the ends of the interval."""
     first, last = form.span
-    contacts: list[Contact] = []
-    for contact in touched:
-        previous = contacts[-1] if contacts else None
-        if previous is None:
-            contacts.append(replace(contact, start=first) if contact.start - first < closed else contact)
-        elif contact.end <= previous.end:
+    parts: list[Part] = []
+    for contact, side in touched:
+        if not parts:
+            parts.append((replace(contact, start=first) if contact.start - first < closed else contact, side))
             continue
-        elif contact.start - previous.end >= closed:
-            contacts.append(contact)
-        elif (contact.index, contact.level) == (previous.index, previous.level):
-            contacts[-1] = replace(previous, end=contact.end)
+        previous, before = parts[-1]
+        if contact.end <= previous.end:
+            continue
+        if contact.start - previous.end >= closed:
+            parts.append((contact, side))
+        elif (contact.index, contact.level, side) == (previous.index, previous.level, before):
+            parts[-1] = replace(previous, end=contact.end), side
         else:
             corner = 0.5 * (contact.start + previous.end)
-            contacts[-1:] = [replace(previous, end=corner), replace(contact, start=corner)]
-    if contacts and last - contacts[-1].end < closed:
-        contacts[-1] = replace(contacts[-1], end=last)
-    return contacts
+            parts[-1:] = [(replace(previous, end=corner), before), (replace(contact, start=corner), side)]
+    if parts and last - parts[-1][0].end < closed:
+        parts[-1] = replace(parts[-1][0], end=last), parts[-1][1]
+    return parts
